@@ -34,8 +34,7 @@ from resample.types import Frame
 from resample_figures.volumes import write_numbers
 from resample_volume.files.source import write_volume
 from resample_volume.types import Recording, Volume
-from resample_warp3d.command.export import write_geometry
-from resample_warp3d.command.writing import write_depth, write_holes
+from resample_warp3d.command.writing import write_depth, write_geometry, write_holes
 from resample_zarr.writing import Layered, write_store
 from tests.warp3d.test_export import camera, plane
 

@@ -122,9 +122,10 @@ def test_a_path_is_checked(path, frames, amount, complaint):
 def test_frames_are_those_of_the_poses(tmp_path):
     camera, poses = Camera.from_fov(60, 4, 6), [stepped((n / 4, 0, 0)) for n in range(3)]
     job: dict[str, object] = {"a": 1}
-    made = shots(poses, camera, lambda seen: np.full((4, 6, 3), eye(seen.world_to_camera)[0]), job)
+    film = lambda seen: np.full((4, 6, 3), eye(seen.world_to_camera)[0]), lambda seen: seen, job
+    made = shots(poses, camera, film)
     assert [int(made.frame(n)[0, 0, 0]) for n in range(3)] == [0, 64, 128]  # of 255, rounded
-    other = shots(poses[:2], camera, made.frame, job)
+    other = shots(poses[:2], camera, film)
     assert made.job["path"] != other.job["path"]
     write_film(tmp_path / "frames", made, 24)  # the job is JSON
 

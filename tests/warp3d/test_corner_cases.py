@@ -9,7 +9,7 @@ from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid
 from resample_warp3d.sheet.filling import bridged
 from resample_warp3d.types import DepthImage, Equation, Hole, Rendered
-from resample_warp3d.views.merging import merge
+from resample_warp3d.views.multi_source import merge
 from resample_warp3d.warping import nearness_of, render, warp
 from tests.warp3d.naive_sheet import EMPTY, camera_at, depth_image, flat, pattern, plane, see
 

@@ -4,7 +4,7 @@ import trimesh
 
 from resample.cameras.models import Camera
 from resample.colors import from_srgb
-from resample_warp3d.command.export import check_export, cloud, mesh, triangles, write_geometry
+from resample_warp3d.command.writing import check_export, cloud, mesh, triangles, write_geometry
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage, Source
 

@@ -96,8 +96,8 @@ def test_a_sloping_floor_has_no_near_side():
     depth = np.repeat(np.linspace(8, 4, 48, dtype=np.float32)[:, None], 64, axis=1)
     given = warped(np.ones((48, 64, 3), np.float32), depth)
     punch(given, np.s_[24, 20:40], Hole.DISOCCLUDED)
-    rim = hole_outline(given.coverage, 1 / given.depth, given.holes)
-    assert not rim.hidden.any()
+    _, hidden = hole_outline(given.coverage, 1 / given.depth, given.holes)
+    assert not hidden.any()
 
 
 def test_nothing_is_done_without_holes_or_without_anything_else():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from resample.colors import to_srgb
-from resample_warp3d.command.filming.sources import DepthRanges
+from resample_warp3d.command.films import DepthRanges
 from resample_warp3d.depth.stabilization import SteadyDepth
 from resample_warp3d.depth.temporal import LONGEST, Alignment, align, fitted, is_cut, thumbnail
 

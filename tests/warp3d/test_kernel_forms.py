@@ -5,7 +5,7 @@ import pytest
 
 from resample_comparisons.warp3d.scenes import generated
 from resample_warp3d import Camera, prepare, warp
-from resample_warp3d.sheet.kernels.limbs import project_ends
+from resample_warp3d.sheet.kernels.corners import project_ends
 from resample_warp3d.sheet.sheets import sheet_of
 from tests.kernels import compiled_only, specialisations
 

@@ -8,7 +8,7 @@ import pytest
 from resample import registry
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.sheet.kernels.limbs import INSET_PX
+from resample_warp3d.sheet.kernels.corners import INSET_PX
 from resample_warp3d.sheet.sheets import sheet_of
 from resample_warp3d.types import RIGHT, TURNS
 from tests.warp3d.naive_sheet import (
@@ -100,7 +100,7 @@ def test_what_turns_away_from_the_target_ends_where_the_target_sees_it_turn(sour
 
 
 def test_an_end_is_inset_by_no_more_than_half_a_pixel():
-    from resample_warp3d.sheet.kernels.limbs import project_ends
+    from resample_warp3d.sheet.kernels.corners import project_ends
 
     matrix, epipole = np.eye(3), np.array([200.0, 0.0, 0.0])
     corner = np.array([[[10.0, 5.0, 0.3]] * 4], np.float32)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from resample_warp3d.types import Hole, Warped
-from resample_warp3d.views.merging import angle_share, merge
+from resample_warp3d.views.multi_source import angle_share, merge
 from resample_warp3d.warping import warp
 from tests.warp3d.naive_sheet import camera_at, depth_image, flat, pattern, plane, see
 

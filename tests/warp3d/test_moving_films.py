@@ -12,7 +12,7 @@ from PIL import Image
 from resample.files.images import read_image
 from resample.samples.rooms import room
 from resample_warp3d import cli
-from resample_warp3d.command.filming import sources
+from resample_warp3d.command import films
 from tests import commands
 from tests.elsewhere import assert_same_film, frames, pickle_for_workers
 
@@ -288,7 +288,7 @@ def test_a_flight_writes_the_depth_of_its_frames():
 
 def test_small_maps_of_a_shot_are_enlarged_as_its_first_one(monkeypatch):
     decisions = iter([True])  # another question would fail
-    monkeypatch.setattr(sources, "is_sharpened", lambda _: next(decisions))
+    monkeypatch.setattr(films, "is_sharpened", lambda _: next(decisions))
     np.save("small.npy", np.load("stack.npy")[:, ::2, ::2])
     words = ["render", "pictures", "small.npy", *FAST, *MOVED, "--depth-output", "z/*.npy"]
     assert ended(*words, "-o", "out") == 0

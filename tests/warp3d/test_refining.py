@@ -19,8 +19,8 @@ from resample_warp3d.depth.refining.hardening import RECIPES, RefinementTask, wi
 from resample_warp3d.depth.refining.inspecting import OVERSHOOT, WIDEST, Findings
 from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows, weighted_median
 from resample_warp3d.depth.refining.resizing import enlarged, fitted
-from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
+from resample_warp3d.warping import registered
 from tests.warp3d import naive_refining
 from tests.warp3d.naive_sheet import EMPTY, camera_at
 

@@ -10,7 +10,7 @@ import pytest
 from resample.files.images import read_image
 from resample.files.pictures import Kind, Picture
 from resample_warp3d import cli
-from resample_warp3d.command import layouts
+from resample_warp3d.command import stereo
 from resample_warp3d.depth.encodings import RelativeDepth
 from tests import commands
 
@@ -192,11 +192,11 @@ def test_layouts_have_their_usual_names():
     np.testing.assert_allclose(half[..., 1:], right[..., 1:], atol=1e-6)
 
 
-@pytest.mark.parametrize("layout", layouts.ANAGLYPHS)
+@pytest.mark.parametrize("layout", stereo.ANAGLYPHS)
 def test_anaglyphs_are_gray_where_both_eyes_see_one_gray(layout):
     gray = np.float32([[[0.2] * 3, [0.7] * 3]])
     picture = Picture(gray, Kind(("R", "G", "B"), 8, is_encoded=True))
-    np.testing.assert_allclose(layouts.together(picture, picture, layout).data, gray, atol=2e-3)
+    np.testing.assert_allclose(stereo.together(picture, picture, layout).data, gray, atol=2e-3)
 
 
 def test_parallax_is_given_in_shares_of_the_width(capsys):

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from resample.engine.jit import kernel
-from resample_warp3d.sheet.kernels import fragments, screen, segments
-from resample_warp3d.sheet.kernels.colors import write_colors
-from resample_warp3d.sheet.kernels.segments import BEGIN, END, PIXEL, WAY, BandFrame
+from resample_warp3d.sheet.kernels import screen, segments
+from resample_warp3d.sheet.kernels.segments import BEGIN, END, PIXEL, WAY, BandFrame, write_colors
 from resample_warp3d.sheet.sheets import sheet_of
 from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP
 from tests.warp3d.naive_warp import random_source
@@ -47,16 +46,16 @@ def add_masses(begin, end, numbers, places, total):
 def masses(begin, end, frame, numbers, places, total):
     """Add what cells of a run have in their fragments, slot by slot."""
     if places[WAY + np.uint64(begin)] == segments.UPRIGHT:
-        rows, columns = fragments.set_boxes(begin, end, frame, numbers, places)
+        rows, columns = segments.set_boxes(begin, end, frame, numbers, places)
         for i in range(columns):
             for j in range(rows):
-                fragments.fill_from_boxes(begin, end, i, j, frame, numbers, places)
+                segments.fill_from_boxes(begin, end, i, j, frame, numbers, places)
                 add_masses(begin, end, numbers, places, total)
         return
-    fragments.count_parts(begin, end, frame, numbers, places)
-    fragments.set_parts(begin, end, 0, 0, True, frame, numbers, places)
+    segments.count_parts(begin, end, frame, numbers, places)
+    segments.set_parts(begin, end, 0, 0, True, frame, numbers, places)
     for slot in range(4):
-        fragments.fill_from_parts(
+        segments.fill_from_parts(
             begin, end, slot % 2, slot // 2, True, frame, numbers, places
         )  # fmt: skip
         add_masses(begin, end, numbers, places, total)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.sheet.sheets import CLASSES, FarSides, _classes, _spread, sheet_of
+from resample_warp3d.sheet.sheets import CLASSES, _classes, _spread, sheet_of
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage
 from tests.warp3d import naive_sheet
 from tests.warp3d.naive_sheet import EMPTY, camera_at, depth_image, flat, pattern, plane
@@ -155,8 +155,7 @@ def test_colors_spread_to_what_is_hidden_from_all_around():
     chosen = np.zeros(shape, np.bool_)
     chosen[hole] = True
     flat = np.ones(shape, np.float32)
-    beyond = FarSides(flat, flat, chosen, ~chosen, np.full(shape, 5 * 14 + 6))
-    spread = _spread(color, beyond, chosen)
+    spread = _spread(color, flat, ~chosen, np.full(shape, 5 * 14 + 6), chosen)
     np.testing.assert_allclose(spread, 0.25, atol=1e-3)
 
 
@@ -165,7 +164,7 @@ def test_far_sides_are_divided_by_their_nearness():
     nearness = np.linspace(0.1, 1.0, 120, dtype=np.float32).reshape(10, 12)
     source = SimpleNamespace(nearness=nearness, slope=np.zeros((10, 12, 2), np.float32))
     classes = _classes(source, np.ones((10, 12), np.bool_), 5.0)
-    counts = [np.count_nonzero(each.distance == 0) for each in classes]
+    counts = [np.count_nonzero(distance == 0) for distance, *_ in classes]
     assert len(counts) == CLASSES
     assert sum(counts) == 120
     assert max(counts) - min(counts) <= 1

@@ -247,11 +247,11 @@ def test_a_network_in_a_file_estimates_the_depth(sides):
 
 
 def test_a_network_takes_levels_as_its_file_or_options_say():
-    from resample_warp3d.command.filming import choices, depth_model
+    from resample_warp3d.command import choices, footage
 
     levels = np.float32([[[0.1, 0.5, 0.9]]]).repeat(28, 0).repeat(28, 1)
     light = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
-    picture = depth_model.Picture(light.astype(np.float32), None)
+    picture = footage.Picture(light.astype(np.float32), None)
     usual = np.mean((levels[0, 0] - (0.485, 0.456, 0.406)) / (0.229, 0.224, 0.225))
     facts = [("mean", "0.5,0.5,0.5"), ("std", "0.5,0.5,0.5")]
     for known, options, value in (
@@ -261,7 +261,7 @@ def test_a_network_takes_levels_as_its_file_or_options_say():
     ):
         write_network("mean.onnx", facts=known)
         choice = choices.Estimating(depth_model="mean.onnx", model_size=28, **options)
-        (made,) = depth_model.opened(choice, 1).estimate([picture])
+        (made,) = footage.opened(choice, 1).estimate([picture])
         assert made.shape == (28, 28)
         np.testing.assert_allclose(made, value, atol=1e-4)
 

@@ -9,10 +9,16 @@ from resample.engine import jit
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DepthImage
-from resample_warp3d.views import merging, multi_source
+from resample_warp3d.views import multi_source
 from resample_warp3d.views.matching import balanced, match_colors, match_depths, scaled
-from resample_warp3d.views.merging import merge
-from resample_warp3d.views.multi_source import PLAIN, Joining, PosedSource, agreed, render_together
+from resample_warp3d.views.multi_source import (
+    PLAIN,
+    Joining,
+    PosedSource,
+    agreed,
+    merge,
+    render_together,
+)
 from resample_warp3d.warping import render
 from tests.warp3d import naive_together as naive
 from tests.warp3d.naive_sheet import camera_at, depth_image, pattern, plane, see
@@ -271,10 +277,10 @@ def test_a_view_fades_out_where_it_ends():
 def test_angles_are_those_between_rays_at_the_surface():
     (source, camera), *_ = standing()
     view = render(source, between(camera, target()), SHAPE, "hybrid")
-    found = merging.angle_share(view, camera, target())
+    found = multi_source.angle_share(view, camera, target())
     for place in ((5, 9), (30, 31), (50, 40)):
         angle = naive.angle(place, view.depth[place], camera, target())
-        expected = 1 / (1 + (angle / merging.OBLIQUE) ** 2)
+        expected = 1 / (1 + (angle / multi_source.OBLIQUE) ** 2)
         assert found[place] == pytest.approx(expected, rel=1e-3)
 
 

@@ -22,15 +22,19 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.refining.conditioning import refine
     from resample_warp3d.methods.hybrid import Hybrid
     from resample_warp3d.projection_models import StereoPanorama, mapping_between
-    from resample_warp3d.registering import registered
     from resample_warp3d.scenes import DepthScene
     from resample_warp3d.sheet.sheets import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
     from resample_warp3d.viewing import view
-    from resample_warp3d.views.merging import merge
-    from resample_warp3d.views.multi_source import Joining, PosedSource, agreed, render_together
+    from resample_warp3d.views.multi_source import (
+        Joining,
+        PosedSource,
+        agreed,
+        merge,
+        render_together,
+    )
     from resample_warp3d.views.panoramas import SEAMLESS, panorama
-    from resample_warp3d.warping import warp, warp_disparity
+    from resample_warp3d.warping import registered, warp, warp_disparity
 
 _HOMES = {
     "Camera": "resample.cameras.models",
@@ -52,12 +56,12 @@ _HOMES = {
     "background": "sheet.sheets",
     "behind": "sheet.sheets",
     "between": "depth.equation",
-    "merge": "views.merging",
+    "merge": "views.multi_source",
     "of_rectified": "depth.equation",
     "panorama": "views.panoramas",
     "prepare": "depth.preparation",
     "refine": "depth.refining.conditioning",
-    "registered": "registering",
+    "registered": "warping",
     "render": "calls",
     "render_together": "views.multi_source",
     "stereo": "calls",

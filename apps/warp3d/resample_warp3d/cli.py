@@ -19,14 +19,17 @@ from resample.command.settings import (
 from resample.console import say
 from resample.lazy import installed_version
 from resample_warp3d.command.choices import (
+    Batch,
     Depth,
     DepthWarping,
+    Estimating,
     Extras,
+    FilmFormat,
+    FilmInput,
     Joint,
     Showing,
     Travel,
 )
-from resample_warp3d.command.filming.choices import Batch, Estimating, FilmFormat, FilmInput
 from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.command.target import Aim, TargetCamera
@@ -107,9 +110,7 @@ def render(
     from resample.command.session import Session
     from resample.files import formats, saving
     from resample.files.writing import check_targets, write_json
-    from resample_warp3d.command.export import write_geometry
-    from resample_warp3d.command.filming.films import render_film
-    from resample_warp3d.command.filming.footage import footage_of
+    from resample_warp3d.command.footage import footage_of
     from resample_warp3d.command.inputs import DepthReader, read_views, view_names
     from resample_warp3d.command.rendering import (
         check_memory,
@@ -119,7 +120,7 @@ def render(
         prepared,
         report,
     )
-    from resample_warp3d.command.writing import check_extras, made_of, write_extras
+    from resample_warp3d.command.writing import check_extras, made_of, write_extras, write_geometry
 
     aim.check()
     showing.check(unmixed=warping.unmixed)
@@ -131,6 +132,8 @@ def render(
     further = [view_names(text) for text in view or []]
     footage = footage_of(color, depth, filming.fps, labels=warping.unmixed)
     if footage is not None:
+        from resample_warp3d.command.films import render_film
+
         others = {"show": not showing.is_plain, "view": bool(view)}
         render_film(footage, output, look, filming, extras, others, reader, aim, warping)
         return
@@ -218,8 +221,8 @@ def stereo(
     coverage
         Also write the share of each pixel that is covered (.png, .tif, .exr).
     """
-    from resample_warp3d.command.filming.depth_model import opened
-    from resample_warp3d.command.filming.stereo_job import StereoJob, write_stereo
+    from resample_warp3d.command.footage import opened
+    from resample_warp3d.command.stereo_job import StereoJob, write_stereo
 
     extras = Extras(holes=holes, coverage=coverage)
     parallax.check(meaning, eye)
@@ -284,15 +287,16 @@ def animate(
     from resample.command.workers import at_work, check_sharing
     from resample.console import film_background
     from resample.files.animations import check_film
-    from resample_warp3d.command.animation import Range, check_path, poses_of
-    from resample_warp3d.command.depths import (
-        appearing,
-        depths_of,
+    from resample_warp3d.command.animation import (
+        Range,
+        check_path,
         frames_of,
-        shots_with_depth,
+        poses_of,
+        shots,
+        write_flight,
     )
-    from resample_warp3d.command.filming.flights import write_flight
-    from resample_warp3d.command.filming.footage import footage_of
+    from resample_warp3d.command.depths import appearing, depths_of
+    from resample_warp3d.command.footage import footage_of
     from resample_warp3d.command.inputs import DepthReader, read_views
     from resample_warp3d.command.rendering import check_memory, film_of
 
@@ -321,7 +325,7 @@ def animate(
     distance = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
     poses = poses_of(travel.path, travel.frames, travel.amount, camera.world_to_camera, distance)
     film = film_of(session, taken, shape, warping, behind)
-    made = shots_with_depth(poses, camera, film, depths)
+    made = shots(poses, camera, film, depths)
     files = reader, color, depth
     again = partial(frames_of, files, warping, shape, behind, poses, camera)
     with appearing(depths, resume=resume), at_work(sharing, warping.threads) as crew:

@@ -5,6 +5,7 @@ and a weight of 0 is infinitely far.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -74,10 +75,7 @@ class StereoPanorama(Equirectangular):
         return np.stack([ray[..., 2] * share, np.zeros_like(share), -ray[..., 0] * share], axis=-1)
 
     def from_eye(self, point: Doubles, weight: Doubles) -> Doubles:
-        """Return the rays (..., 3) from the eyes that see points, times their weight.
-
-        Points (..., 3) and weights (...) are homogeneous. Not a number inside the circle.
-        """
+        """Return rays (..., 3) from the eyes to points, times their weight; nan in the circle."""
         flat = np.hypot(point[..., 0], point[..., 2])
         high = np.abs(point[..., 1])
         along = flat
@@ -101,6 +99,25 @@ class StereoPanorama(Equirectangular):
         return self.right * np.where(share < 1.0, np.cos(0.5 * math.pi * share), 0.0)
 
 
+def stepped(move: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> Doubles:
+    """Return the pose (4, 4) of a camera after a move and a turn, in its previous axes.
+
+    `move`: to the right, down and forward, scene units. `turn`: to the right, up and clockwise,
+    degrees; in this order, each about the camera's new axes.
+    """
+    turns = []
+    for axis, angle in zip((1, 0, 2), np.radians(np.asarray(turn, np.float64)), strict=True):
+        turned, pair = np.eye(3), [(axis + 1) % 3, (axis + 2) % 3]
+        cosine, sine = math.cos(angle), math.sin(angle)
+        turned[np.ix_(pair, pair)] = [[cosine, -sine], [sine, cosine]]
+        turns.append(turned)
+    axes = turns[0] @ turns[1] @ turns[2]  # columns: the new axes in the old
+    pose = np.eye(4)
+    pose[:3, :3] = axes.T
+    pose[:3, 3] = -axes.T @ np.asarray(move, np.float64)
+    return pose
+
+
 def is_bent(target: CameraModel) -> bool:
     """Whether a target bends straight lines or has no center of projection."""
     return not isinstance(target, Camera) or target.distortion is not None
@@ -109,10 +126,7 @@ def is_bent(target: CameraModel) -> bool:
 def project(
     camera: CameraModel, shape: Shape, point: Doubles, weight: Doubles
 ) -> tuple[Doubles, Doubles]:
-    """Project homogeneous points to px (..., 2), with nearness; nan if not visible.
-
-    The nearness is 1 / z, for a panorama 1 / ray length.
-    """
+    """Project points to px (..., 2), with 1 / z or 1 / ray length; nan if not visible."""
     with np.errstate(divide="ignore", invalid="ignore"):
         if isinstance(camera, StereoPanorama):
             point = camera.from_eye(point, weight)
@@ -134,10 +148,7 @@ def project(
 def unproject(
     camera: CameraModel, shape: Shape, place: Doubles, nearness: Doubles
 ) -> tuple[Doubles, Doubles]:
-    """Unproject places (..., 2) px with a nearness (...) to homogeneous points.
-
-    Not a number where no light comes through the lens.
-    """
+    """Unproject places (..., 2) px with a nearness (...) to points; nan beyond the lens."""
     if isinstance(camera, Equirectangular):
         ray = rays_at(place, shape)
         if isinstance(camera, StereoPanorama):
@@ -232,7 +243,11 @@ class Passage:
         vertices = np.empty((3, height + 1, width + 1), np.float32)
         for n in range(0, height + 1, ROWS):
             rows = slice(n, min(n + ROWS, height + 1))
-            vertices[:, rows] = self._corners(*_lattice(sheet, rows))
+            nearness, place = sheet.vertex[rows], sheet.place[rows]
+            if not sheet.place.size:
+                row, column = np.indices(nearness.shape, np.float64)
+                place = np.stack([column, row + n], axis=-1)
+            vertices[:, rows] = self._corners(place, nearness)
         torn = self._corners(sheet.corner[..., :2], sheet.corner[..., 2])
         torn = np.ascontiguousarray(np.moveaxis(torn, 0, -1))
         if not isinstance(self.target, Equirectangular):  # whose seam would disturb differences
@@ -240,7 +255,9 @@ class Passage:
         own = sheet.torn
         if isinstance(self.target, Equirectangular):
             most = 0.5 * self.shape[1] * self.frame[0, 0]
-            own = np.where(_wide(_around(vertices[0]), most) & (own < 0), np.int32(NO_CELL), own)
+            x = vertices[0]
+            around = [x[:-1, :-1], x[:-1, 1:], x[1:, :-1], x[1:, 1:]]
+            own = np.where(_wide(around, most) & (own < 0), np.int32(NO_CELL), own)
             torn[_wide(list(np.moveaxis(torn[..., 0], 1, 0)), most), :, 2] = -1.0
         bounds = np.empty((height, screen.segment_count(width), 4), np.int32)
         screen.bound_segments(vertices, torn, own, bounds)
@@ -261,11 +278,8 @@ class Passage:
         return np.asarray(self.target.world_to_camera @ back, np.float64)
 
     def _project_ends(self, sheet: Sheet, torn: Floats) -> None:
-        """Move corners where surfaces turn away to the surfaces' outline in the target.
-
-        As `limbs.project_ends`, with finite differences instead of derivatives.
-        """
-        from resample_warp3d.sheet.kernels.limbs import INSET, INSET_BY_NEARNESS, INSET_PX
+        """Move ends of surfaces as `corners.project_ends` does, by finite differences."""
+        from resample_warp3d.sheet.kernels.corners import INSET, INSET_BY_NEARNESS, INSET_PX
 
         if not len(sheet.ends):
             return
@@ -363,10 +377,7 @@ def poles_rows(passage: Passage, sheet: Sheet) -> tuple[int, int]:
 
 
 def on_lattice(place: Doubles, at: Doubles) -> Doubles:
-    """Map undistorted positions `at` (N, 2) to a distorted source's lattice (N, 2).
-
-    The same iteration as in the kernels that classify holes.
-    """
+    """Map undistorted positions `at` (N, 2) to a distorted source's lattice, as kernels do."""
     height, width = place.shape[:2]
     found = np.clip(at, -1e6, 1e6)
     for _ in range(4):
@@ -382,20 +393,6 @@ def on_lattice(place: Doubles, at: Doubles) -> Doubles:
 def _moved(step: Doubles, point: Doubles, weight: Doubles) -> tuple[Doubles, Doubles]:
     """Transform homogeneous points to another camera's axes."""
     return point @ step[:3, :3].T + weight[..., None] * step[:3, 3], weight
-
-
-def _lattice(sheet: Sheet, rows: slice) -> tuple[Doubles, Floats]:
-    """Return positions and nearness of some rows of a sheet's corners."""
-    nearness = sheet.vertex[rows]
-    if sheet.place.size:
-        return sheet.place[rows], nearness
-    row, column = np.indices(nearness.shape, np.float64)
-    return np.stack([column, row + rows.start], axis=-1), nearness
-
-
-def _around(vertex: Floats) -> list[Floats]:
-    """Return the values at the four corners of all cells."""
-    return [vertex[:-1, :-1], vertex[:-1, 1:], vertex[1:, :-1], vertex[1:, 1:]]
 
 
 def _wide(corner: list[Floats], most: float) -> Mask:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample import registry
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular
 from resample.painting.scenes.plans import shape_of
@@ -103,7 +104,11 @@ class DepthScene(AnyScene):
         shape = self.shape if size is None else shape_of(size)
         sight = self._camera_model(target)
         with self._rendering(quality, cancel) as is_preview:
-            chosen = self._method(method)
+            chosen = method
+            if isinstance(method, str):
+                if method not in self._methods:
+                    self._methods[method] = registry.build("warps", method)
+                chosen = self._methods[method]
             if is_preview:
                 return self._preview(sight, shape, threads)
             way = mapping_between(self.camera, sight, shape)
@@ -157,16 +162,6 @@ class DepthScene(AnyScene):
             )
         return self.camera.moved(pose)
 
-    def _method(self, method: str | Method) -> str | Method:
-        """Return a method by name, cached with what it found in the source."""
-        if not isinstance(method, str):
-            return method
-        from resample import registry
-
-        if method not in self._methods:
-            self._methods[method] = registry.build("warps", method)
-        return self._methods[method]
-
     def _preview(
         self, sight: CameraModel, shape: tuple[int, int], threads: int | None
     ) -> Previewed:
@@ -175,7 +170,21 @@ class DepthScene(AnyScene):
         way = mapping_between(self.camera, sight, shape)
         per = np.diag([1 / PER, 1 / PER, 1.0])
         if isinstance(way, Equation):
-            source, way = self._merged(), way.in_frame(per)
+            if self._few is None:  # every other sample, with the mean color of its block
+                self._few = self.source
+                color, nearness, place = self.source.color, self.source.nearness, self.source.place
+                rows, columns = color.shape[0] // PER * PER, color.shape[1] // PER * PER
+                if min(rows, columns) > 0:
+                    parts = color[:rows, :columns]
+                    parts = parts.reshape(rows // PER, PER, columns // PER, PER, -1)
+                    image = DepthImage(
+                        np.ascontiguousarray(parts.mean(axis=(1, 3)), np.float32),
+                        np.ascontiguousarray(nearness[:rows:PER, :columns:PER]),
+                        np.ascontiguousarray(place[:rows:PER, :columns:PER]),
+                    )
+                    noise, step = self.source.noise, self.source.step
+                    self._few = prepare(image, noise=noise, step=step, refine="none")
+            source, way = self._few, way.in_frame(per)
             if not source.place.size:
                 way = Equation(way.matrix @ TO_SAMPLES, way.epipole)
             made = render(source, way, small, self._quick, threads)
@@ -183,20 +192,3 @@ class DepthScene(AnyScene):
             way = replace(way, frame=per @ way.frame)
             made = render(self.source, way, small, self._coarse_cells, threads)
         return Previewed(*(enlarged(part, PER, shape, smooth=False) for part in made))
-
-    def _merged(self) -> Source:
-        """Return every other sample, with the mean color of its block."""
-        if self._few is None:
-            source = self.source
-            color = source.color
-            rows, columns = color.shape[0] // PER * PER, color.shape[1] // PER * PER
-            if min(rows, columns) == 0:
-                return source
-            parts = color[:rows, :columns].reshape(rows // PER, PER, columns // PER, PER, -1)
-            image = DepthImage(
-                np.ascontiguousarray(parts.mean(axis=(1, 3)), np.float32),
-                np.ascontiguousarray(source.nearness[:rows:PER, :columns:PER]),
-                np.ascontiguousarray(source.place[:rows:PER, :columns:PER]),
-            )
-            self._few = prepare(image, noise=source.noise, step=source.step, refine="none")
-        return self._few

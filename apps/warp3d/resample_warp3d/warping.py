@@ -1,5 +1,6 @@
-"""Warp depth images to other cameras."""
+"""Warp depth images to other cameras: by an equation, or to lenses, panoramas and parallel rays."""
 
+import math
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -7,11 +8,13 @@ from os import PathLike
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
 from resample.calling import takes
 from resample.cameras.models import Camera, Orthographic
+from resample.cameras.panoramic import Equirectangular, check_panorama, rays_at, turn
+from resample.cameras.pixels import pixel_centers
 from resample.colors import from_srgb
 from resample.files.conversion import as_picture, picture_and_encoding
 from resample.messages import check_threads, number, shortly
@@ -19,19 +22,28 @@ from resample.painting.scenes.plans import pair_of, shape_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.encodings import check_scale
-from resample_warp3d.depth.equation import of_rectified
+from resample_warp3d.depth.equation import between, lens_places, of_rectified
 from resample_warp3d.depth.files import confident, read_depth
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.methods.filtering import filtered
-from resample_warp3d.painting import explained as wide_explained
-from resample_warp3d.painting import painted
-from resample_warp3d.painting import trusted as wide_trusted
-from resample_warp3d.projection_models import CameraModel, Passage, Way, mapping_between, taken_by
-from resample_warp3d.sheet.filling import explained, trusted
+from resample_warp3d.methods.hybrid import Hybrid, empty
+from resample_warp3d.projection_models import (
+    MERGED,
+    CameraModel,
+    Passage,
+    Shape,
+    StereoPanorama,
+    Way,
+    mapping_between,
+    on_lattice,
+    poles_rows,
+    taken_by,
+)
+from resample_warp3d.sheet.filling import explained, farthest_of_rows, trusted
 from resample_warp3d.sheet.filling import fill as fill_holes
 from resample_warp3d.sheet.sheets import background, behind
-from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
+from resample_warp3d.types import DepthImage, Equation, Hole, Method, Rendered, Source, Warped
 
 Filling = Literal["picture", "layer"]
 FILLINGS = get_args(Filling)
@@ -40,6 +52,15 @@ OPACITY = 3  # channel
 LARGEST_PICTURE = 1 << 28  # pixels; a larger size is taken for a mistake
 FEW_CHANNELS = 1, 3, 4  # rows of a picture that is taken for one with its channels first, ...
 MANY = 16  # ... if it has as many columns and channels, at least
+MARGIN = 8  # px that the halves of a panorama overlap, on each side
+LEAST_ROWS = 3  # of a panorama, beside each pole, taken from a picture of the pole
+MOST_ROWS = 0.15  # of its height: most such rows
+REACHES = 3  # times the extent of the cells over the pole
+FINE = 4  # px of that picture per row of the panorama
+SAMPLES = 8, 4  # of that picture, down and across, per pixel of the panorama
+
+PassageMethod = Callable[[Source, Passage, Shape], Rendered]
+SOLID = 0.5  # coverage from which a pixel has a depth
 
 
 class DepthWarpOptions(TypedDict, total=False):
@@ -300,9 +321,8 @@ def render(
     source
         Result of `preparation.prepare`; one serves any number of targets.
     equation
-        Result of `equation.between` or `equation.of_rectified`; or of
-        `wide.passages.mapping_between`, whose targets may have a lens, be panoramas or parallel,
-        for the method hybrid.
+        Result of `equation.between` or `equation.of_rectified`; or of `mapping_between`, whose
+        targets may have a lens, be panoramas or parallel, for the method hybrid.
     shape
         Height and width of the target, px.
     method, threads, filter
@@ -348,9 +368,9 @@ def render(
     pixel = registry.build("filters", filter) if isinstance(filter, str) else filter
     with jit.threads(threads):
         if isinstance(equation, Passage):
-            rendered = painted(chosen, pixel, source, equation, shape)
-            holes = wide_explained(rendered, source, equation)
-            sure = wide_trusted(rendered, source, equation)
+            rendered = painted_beyond(chosen, pixel, source, equation, shape)
+            holes = holes_beyond(rendered, source, equation)
+            sure = trust_beyond(rendered, source, equation)
         else:
             paint = chosen if pixel is None else partial(filtered, chosen, pixel)
             rendered = paint(source, equation, shape)
@@ -358,10 +378,13 @@ def render(
             sure = trusted(rendered, source, equation)
     near = rendered.nearness
     depth = np.divide(1.0, near, out=np.full(shape, np.inf, np.float32), where=near > 0)
+    # A surface that the source saw at a grazing angle counts as magnified, too.
+    shared = np.maximum(rendered.magnification, np.float32(1))  # pixels that share one sample
+    trust = np.where(rendered.bridged, np.float32(0.5), np.float32(1))
+    confidence = np.asarray(rendered.coverage * trust / shared, np.float32) * sure
     return Warped(
-        rendered.image, rendered.coverage, depth, holes, rendered.magnification,
-        confidence_of(rendered) * sure,
-    )  # fmt: skip
+        rendered.image, rendered.coverage, depth, holes, rendered.magnification, confidence
+    )
 
 
 def is_usable(equation: Equation) -> bool:
@@ -373,13 +396,187 @@ def is_usable(equation: Equation) -> bool:
     return bool(largest > 0.0 and abs(np.linalg.det(matrix / largest)) > 1e-15)
 
 
-def confidence_of(rendered: Rendered) -> Floats:
-    """Return how well samples support each pixel, 0..1.
+def painted_beyond(
+    method: Method, pixel: PixelFilter | None, source: Source, passage: Passage, shape: Shape
+) -> Rendered:
+    """Paint a source for a target of any camera model."""
+    if not isinstance(method, Hybrid):
+        raise ValueError(
+            f"{type(method).__name__} warps from pinhole to pinhole; for lenses, panoramas and"
+            " parallel rays use the method hybrid"
+        )
+    look: PassageMethod = method if pixel is None else partial(filtered, method, pixel)
+    target = passage.target
+    if not isinstance(target, Equirectangular):
+        return look(source, passage, shape)
+    check_panorama(shape)
+    # Paint the panorama in two halves, so that no cell is cut by the seam.
+    height, width = shape
+    first, half = width // 4, width // 2
+    whole, shifted = empty(shape, source.color.shape[2]), np.eye(3)
+    shifted[0, 2] = MARGIN - first
+    for turned in (0, 1):
+        way = Passage(passage.source, target.turned(turned * math.pi), shape)
+        part = look(source, way.in_frame(shifted), (height, half + 2 * MARGIN))
+        columns = (np.arange(first, first + half) + turned * half) % width
+        for into, each in zip(whole, part, strict=True):
+            into[:, columns] = each[:, MARGIN:-MARGIN]
+    reaches = poles_rows(passage, method.sheet(source))
+    most = MOST_ROWS if not isinstance(target, StereoPanorama) else 0.5 - MERGED[1] / 180.0
+    for reach, is_upper in zip(reaches, (True, False), strict=True):
+        wanted = max(LEAST_ROWS, REACHES * reach)
+        rows = max(1, min(wanted, int(most * shape[0])))
+        _cap(method, source, passage, whole, rows if is_upper else -rows)
+    return whole
 
-    The coverage, divided by the number of pixels that share one sample, and halved where a gap was
-    filled. A surface that the source saw at a grazing angle counts as magnified, too. The trust of
-    refined depth, from `filling.trusted`, is a further factor.
+
+def holes_beyond(rendered: Rendered, source: Source, passage: Passage) -> NDArray[np.uint8]:
+    """Classify each pixel, (H, W) values of `Hole`, as `sheet.filling.explained` does."""
+    shape = rendered.coverage.shape[0], rendered.coverage.shape[1]
+    holes = np.zeros(shape, np.uint8)
+    is_empty = np.logical_not(rendered.coverage > 0)
+    nearness = np.where(is_empty, np.float32(np.inf), rendered.nearness)
+    sides: Floats = np.minimum(_last_known(nearness), _last_known(nearness[:, ::-1])[:, ::-1])
+    near = np.where(np.isfinite(sides), sides, farthest_of_rows(rendered)[:, None])[is_empty]
+    place, _ = passage.back(pixel_centers(shape)[is_empty], near.astype(np.float64))
+    is_seen = np.asarray(np.isfinite(place).all(axis=1))
+    place = np.where(is_seen[:, None], place, -1.0)
+    if source.place.size:
+        place[is_seen] = on_lattice(source.place, place[is_seen])
+    height, width = source.nearness.shape
+    is_inside = (place >= 0).all(axis=1) & (place[:, 0] < width) & (place[:, 1] < height)
+    column, row = np.where(is_inside[:, None], place, 0.0).astype(np.int64).T
+    is_known = source.nearness[row, column] > 0
+    inside = np.where(is_known, Hole.DISOCCLUDED, Hole.NO_DEPTH)
+    holes[is_empty] = np.where(is_inside, inside, Hole.OUTSIDE)
+    holes[rendered.bridged] = Hole.CRACK
+    return holes
+
+
+def trust_beyond(rendered: Rendered, source: Source, passage: Passage) -> Floats:
+    """Return the trust of the pixels' depth (H, W), as `sheet.holes.trust_beyond` does."""
+    sure = np.ones(rendered.nearness.shape, np.float32)
+    if not source.trust.size:
+        return sure
+    is_seen = np.asarray(rendered.nearness > 0)
+    near = rendered.nearness[is_seen].astype(np.float64)
+    rows, columns = rendered.nearness.shape[:2]
+    place, _ = passage.back(pixel_centers((rows, columns))[is_seen], near)
+    is_found = np.isfinite(place).all(axis=1)
+    if source.place.size:
+        place[is_found] = on_lattice(source.place, place[is_found])
+    height, width = source.trust.shape
+    column, row = np.floor(np.clip(place[is_found], 0, (width - 1, height - 1))).astype(int).T
+    found = np.zeros(len(place), np.float32)
+    found[is_found] = source.trust[row, column]
+    sure[:] = 0.0
+    sure[is_seen] = found
+    return sure
+
+
+def _last_known(nearness: Floats) -> Floats:
+    """Return the last finite number to the left of each pixel; inf if there is none."""
+    width = nearness.shape[1]
+    at = np.where(np.isfinite(nearness), np.arange(width), 0)
+    return np.take_along_axis(nearness, np.maximum.accumulate(at, axis=1), axis=1)
+
+
+def _cap(method: Hybrid, source: Source, passage: Passage, whole: Rendered, rows: int) -> None:
+    """Fill rows beside a pole (negative: the lower one) from a picture of the pole."""
+    height, width = whole.coverage.shape
+    focal = FINE * height / math.pi
+    half = math.ceil(focal * math.tan((abs(rows) + 1) * math.pi / height)) + 2
+    pose = turn(0.0, math.copysign(0.5 * math.pi, rows)) @ passage.target.world_to_camera
+    camera = Camera.from_intrinsics(focal, focal, half, half, pose)
+    side = 2 * half
+    fine = method(source, Passage(passage.source, camera, (side, side)), (side, side))
+    upper = np.arange(abs(rows)) if rows > 0 else height - np.arange(abs(rows), 0, -1)
+    down, across = SAMPLES
+    y = (upper[:, None] + (np.arange(down) + 0.5) / down).ravel()
+    x = (np.arange(width)[:, None] + (np.arange(across) + 0.5) / across).ravel()
+    place = np.stack(np.broadcast_arrays(x, y[:, None]), axis=2)
+    ray = rays_at(place, (height, width)) @ turn(0.0, math.copysign(0.5 * math.pi, rows))[:3, :3].T
+    at = focal * ray[..., :2] / ray[..., 2:] + half
+    _resampled(method, fine, at, ray[..., 2], whole, upper)
+
+
+def _resampled(
+    method: Hybrid, fine: Rendered, at: Doubles, cosine: Doubles, whole: Rendered,
+    rows: NDArray[np.int64],
+) -> None:  # fmt: skip
+    """Fill rows of a panorama from a pinhole's picture, sampled at `at`, px."""
+    height, width = whole.coverage.shape
+    shape = rows.size, SAMPLES[0], width, SAMPLES[1]
+    column, row = (
+        np.floor(at).astype(np.int64).reshape(*shape, 2)[..., ::1].transpose(4, 0, 1, 2, 3)
+    )
+    middle = np.s_[:, SAMPLES[0] // 2, :, SAMPLES[1] // 2]
+    chosen = (row[middle], column[middle]) if method.labels else (row, column)
+
+    def mean(of: Floats) -> Floats:
+        there = of[chosen]
+        found = there if method.labels else there.mean(axis=(1, 3), dtype=np.float64)
+        return np.asarray(found, np.float32)
+
+    whole.image[rows], whole.coverage[rows] = mean(fine.image), mean(fine.coverage)
+    flat = cosine.reshape(shape)
+    near = fine.nearness[row, column] * flat
+    whole.nearness[rows] = np.where(whole.coverage[rows] > 0, near.max(axis=(1, 3)), 0.0)
+    # Magnification in pixels of the panorama, by solid angles.
+    sine = np.sqrt(np.maximum(1.0 - flat * flat, 0.0))
+    pixel = (math.pi / height) ** 2 * sine * (FINE * height / math.pi) ** 2 / flat**3
+    finely = fine.magnification[row, column]
+    grown = (finely > 0).sum(axis=(1, 3))
+    total = np.where(finely > 0, finely / pixel, 0.0).sum(axis=(1, 3))
+    whole.magnification[rows] = np.where(whole.coverage[rows] > 0, total / np.maximum(grown, 1), 0)
+    whole.bridged[rows] = fine.bridged[row, column].mean(axis=(1, 3)) >= 0.5
+
+
+def registered(
+    nearness: Floats, depth_camera: Camera, camera: Camera, shape: tuple[int, int]
+) -> Floats:
+    """Reproject nearness from the depth camera to another camera, (height, width).
+
+    Parameters
+    ----------
+    nearness
+        (h, w) of the depth camera; 0 where unknown.
+    depth_camera, camera
+        Cameras with poses in the same world; the second without distortion.
+    shape
+        Height and width of the result, px.
+
+    Returns
+    -------
+    Nearness of the nearest surface that covers most of each pixel; 0 where there is none, as in the
+    shadow of what hides a part from the depth camera: `refine="complete"` fills that.
+
+    Raises
+    ------
+    ValueError
+        None of the depth is in view.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import Camera, registered
+    >>> sensor, camera = Camera.from_fov(60, 24, 32), Camera.from_fov(50, 48, 64)
+    >>> beside = camera.moved(np.c_[np.eye(3), [-0.05, 0, 0]])
+    >>> nearness = registered(np.full((24, 32), 0.5, np.float32), sensor, beside, (48, 64))
+    >>> nearness.shape, round(nearness[24, 32].item(), 3)
+    ((48, 64), 0.5)
     """
-    shared = np.maximum(rendered.magnification, np.float32(1))
-    trust = np.where(rendered.bridged, np.float32(0.5), np.float32(1))
-    return np.asarray(rendered.coverage * trust / shared, np.float32)
+    from resample_warp3d.depth.preparation import prepare
+    from resample_warp3d.methods.hybrid import Hybrid
+
+    height, width = nearness.shape
+    place = lens_places(depth_camera, (height, width))
+    image = DepthImage(np.ones((height, width, 1), np.float32), nearness, place)
+    source = prepare(image, refine="none")
+    rendered = Hybrid()(source, between(depth_camera, camera), shape)
+    seen = np.where(rendered.coverage >= SOLID, rendered.nearness, np.float32(0))
+    if not seen.any():
+        raise ValueError(
+            "none of the depth is in the picture's view; check the depth camera's pose"
+        )
+    return np.asarray(seen, np.float32)

@@ -1,18 +1,38 @@
-"""Camera paths near a depth image, frame by frame."""
+"""A camera that moves in a picture or film with depth, frame by frame."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from resample.cameras.files import left_out, read_poses
 from resample.colors import Background, as_levels
-from resample.command.films import is_file_of_path
+from resample.command.films import is_file_of_path, write_shared
+from resample.command.session import Session
+from resample.command.settings import Sharing
+from resample.command.workers import at_work
 from resample.console import say
 from resample.files.animations import Levels, Shots, check_count, fingerprint
+from resample.lazy import installed_version
 from resample.types import Doubles, Floats
-from resample_warp3d.projection_models import CameraModel
+from resample_warp3d.command.choices import DepthWarping, FilmInput, Joint, Travel
+from resample_warp3d.command.depths import DepthFrames, appearing
+from resample_warp3d.command.films import DepthRanges, FilmSources, ranges_of, with_depth
+from resample_warp3d.command.footage import Footage, footage_of
+from resample_warp3d.command.inputs import DepthReader, read_views
+from resample_warp3d.command.rendering import (
+    CameraFilm,
+    check_memory,
+    film_of,
+    joined,
+    joining_of,
+    on_screen,
+)
+from resample_warp3d.command.target import TargetCamera
+from resample_warp3d.projection_models import CameraModel, stepped
 from resample_warp3d.types import Warped
 
 PATHS = ("sway", "orbit", "dolly")
@@ -41,14 +61,11 @@ class Range:
 
 @dataclass(frozen=True)
 class NearbyPath:
-    """A closed path near a camera that keeps looking at the median distance.
-
-    `amount`: its size, relative to the near distance; None: the path's in `AMOUNTS`.
-    """
+    """A closed path near a camera that keeps looking at the median distance."""
 
     path: str = "sway"
     frames: int = FRAMES
-    amount: float | None = None
+    amount: float | None = None  # relative to the near distance; None: the path's in `AMOUNTS`
 
     def __post_init__(self) -> None:
         if self.path not in PATHS:
@@ -110,18 +127,22 @@ def poses_of(
 
 
 def shots(
-    poses: Sequence[Doubles],
-    camera: CameraModel,
-    render: Callable[[CameraModel], Floats],
-    job: Mapping[str, object],
-) -> Shots:
-    """Return the frames of a path."""
+    poses: Sequence[Doubles], camera: CameraModel, film: CameraFilm,
+    depths: DepthFrames | None = None,
+) -> Shots:  # fmt: skip
+    """Return the frames of a path, whose depth is also written if requested."""
+    render, screen, job = film
 
     def frame(n: int) -> Levels:
-        return as_levels(render(camera.moved(poses[n])))
+        seen = render(camera.moved(poses[n]))
+        if depths is not None:
+            depths.write(n, seen.depth)
+        return as_levels(screen(seen))
 
-    path, intrinsics = fingerprint(np.stack(poses)), camera_words(camera)
-    return Shots(len(poses), frame, {**job, "path": path, "intrinsics": intrinsics})
+    job = {**job, "path": fingerprint(np.stack(poses)), "intrinsics": camera_words(camera)}
+    if depths is None:
+        return Shots(len(poses), frame, job)
+    return Shots(len(poses), frame, {**job, "depth": depths.job}, has_more=depths.holds)
 
 
 def camera_words(camera: CameraModel) -> list[str]:
@@ -130,39 +151,96 @@ def camera_words(camera: CameraModel) -> list[str]:
     return [type(camera).__name__, *known]
 
 
-def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Floats:
-    """Return a warped picture (H, W, 3) as a screen shows it, 0..1."""
-    channels = warped.image.shape[2] - has_alpha
-    if channels not in (1, 3):
-        raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be shown")
-    from resample.measuring.compare import shown
-
-    image = warped.image
-    if not has_alpha:
-        coverage = np.clip(warped.coverage, 0.0, 1.0)[..., None]
-        image = np.concatenate([image, coverage], axis=2, dtype=np.float32)
-    return shown(image, background)
-
-
-def stepped(move: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> Doubles:
-    """Return the pose (4, 4) of a camera after a move and a turn, in its previous axes.
-
-    `move`: to the right, down and forward, scene units. `turn`: to the right, up and clockwise,
-    degrees; in this order, each about the camera's new axes.
-    """
-    yaw, pitch, roll = np.radians(np.asarray(turn, np.float64))
-    axes = _about(1, yaw) @ _about(0, pitch) @ _about(2, roll)  # columns: the new axes in the old
-    pose = np.eye(4)
-    pose[:3, :3] = axes.T
-    pose[:3, 3] = -axes.T @ np.asarray(move, np.float64)
-    return pose
+def frames_of(
+    files: tuple[DepthReader, str, str],
+    warping: DepthWarping,
+    shape: tuple[int, int],
+    background: Background,
+    poses: Sequence[Doubles],
+    camera: CameraModel,
+    threads: int,
+) -> Callable[[int], Levels]:
+    """Return the function that makes frames without depth; raises as `read_views` does."""
+    warping = warping.model_copy(update={"threads": threads})
+    film = film_of(Session(), read_views(*files), shape, warping, background)
+    return shots(poses, camera, film).frame
 
 
-def _about(axis: int, angle: float) -> Doubles:
-    """Return the rotation (3, 3) about a camera's axis; 0 is x."""
-    cosine, sine = math.cos(angle), math.sin(angle)
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    turned = np.eye(3)
-    turned[[first, second], [first, second]] = cosine
-    turned[first, second], turned[second, first] = -sine, sine
-    return turned
+def flight_frames(
+    footage: Footage, reader: DepthReader, ranges: DepthRanges, warping: DepthWarping,
+    shape: tuple[int, int], background: Background, poses: Sequence[Doubles], camera: CameraModel,
+) -> Callable[[int], tuple[Levels, Warped]]:  # fmt: skip
+    """Return the function that makes a frame of a flight, which shows the film again and again."""
+    session = Session()
+    sources = FilmSources(session, footage, with_depth(footage, reader, ranges), ranges, warping)
+
+    def frame(n: int) -> tuple[Levels, Warped]:
+        taken, ready = sources.prepared(n % len(footage))
+        moved, joining = camera.moved(poses[n]), joining_of(taken, Joint.usual())
+        seen = joined(session, ready, moved, shape, warping, joining).warped
+        has_alpha = taken.picture.kind.has_alpha
+        return as_levels(on_screen(seen, has_alpha=has_alpha, background=background)), seen
+
+    return frame
+
+
+def frames_elsewhere(
+    color: str, depth: str, reader: DepthReader, ranges: DepthRanges, warping: DepthWarping,
+    shape: tuple[int, int], background: Background, poses: Sequence[Doubles], camera: CameraModel,
+    threads: int,
+) -> Callable[[int], Levels]:  # fmt: skip
+    """Return the function that makes frames without depth, for workers."""
+    footage = footage_of(color, depth)
+    if footage is None:
+        raise ValueError(f"{color} is not a film any more")
+    warping = warping.model_copy(update={"threads": threads})
+    frame = flight_frames(footage, reader, ranges, warping, shape, background, poses, camera)
+    return lambda n: frame(n)[0]
+
+
+def write_flight(
+    footage: Footage, reader: DepthReader, warping: DepthWarping, depths: DepthFrames | None,
+    output: Path, travel: Travel, target: TargetCamera, filming: FilmInput, behind: Background,
+    sharing: Sharing, *, resume: bool,
+) -> None:  # fmt: skip
+    """Write a film of a camera that moves in a film."""
+    footage.check_apart(output)
+    if footage.frames.has_tracks:
+        say(f"{footage.color}: sound and subtitles are not copied to a film that plays it anew")
+    if depths is not None:
+        footage.check_apart(depths.folder)
+    ranges = ranges_of(Session(), footage, reader, filming)
+    taken = with_depth(footage, reader, ranges)(0)
+    shape = target.shape(taken.shape)
+    check_memory(taken.views, shape, output, sharing.workers or 0)
+    camera = target.camera_model(taken.camera, taken.shape, reader.eye.convention)
+    distance = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
+    frames = len(footage) if travel.frames is None else travel.frames
+    poses = poses_of(travel.path, frames, travel.amount, camera.world_to_camera, distance)
+    settings = reader, ranges, warping, shape, behind, poses, camera
+    make = flight_frames(footage, *settings)
+
+    def frame(n: int) -> Levels:
+        levels, seen = make(n)
+        if depths is not None:
+            depths.write(n, seen.depth)
+        return levels
+
+    job: dict[str, object] = {
+        "source": footage.fingerprint,
+        "camera": [reader.eye.model_dump(), reader.meaning.model_dump()],
+        "size": list(shape),
+        "choices": warping.model_dump(exclude={"threads"}),
+        "background": list(behind),
+        "version": installed_version(),
+        "path": fingerprint(np.stack(poses)),
+        "intrinsics": camera_words(camera),
+        "ranges": None if ranges.ends is None else [*map(list, ranges.ends)],
+        **({} if depths is None else {"depth": depths.job}),
+    }
+    shots = Shots(len(poses), frame, job)
+    shots = shots if depths is None else shots._replace(has_more=depths.holds)
+    again = partial(frames_elsewhere, footage.color, footage.depth, *settings)
+    fps = filming.fps or len(footage) / sum(footage.frames.seconds)
+    with appearing(depths, resume=resume), at_work(sharing, warping.threads) as crew:
+        write_shared(output, shots, again, crew, fps=fps, resume=resume)

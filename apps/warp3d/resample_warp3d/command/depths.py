@@ -1,35 +1,106 @@
-"""Write the depth of every frame of a film, as files that `render` can read."""
+"""Numbered files of a film's frames, and the depth of each, as files that `render` can read."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from resample.colors import Background, as_levels
-from resample.command.session import Session
 from resample.command.settings import Sharing
 from resample.console import say
-from resample.files.animations import Levels, Shots
-from resample.types import Doubles, Floats
-from resample_warp3d.command.animation import shots
-from resample_warp3d.command.choices import Depth, DepthWarping
-from resample_warp3d.command.inputs import DepthReader, read_views
-from resample_warp3d.command.numbered import NumberedFiles
-from resample_warp3d.command.rendering import CameraFilm, film_of
+from resample.files.writing import check_targets
+from resample.types import Floats
+from resample_warp3d.command.choices import Depth
 from resample_warp3d.command.writing import MILLIMETERS, check_depth, write_depth
-from resample_warp3d.projection_models import CameraModel
 
+FRAME = "frame-*.png"  # in a folder without a pattern
 ALONE = Sharing.usual()
 KEPT = ".depths"  # folder of finished files, until the film is complete
 
 
 @dataclass(frozen=True)
-class DepthFrames:
-    """Depth files of a film; a star in the name stands for the frame's number.
+class NumberedFiles:
+    """Files of a film, which appear when it is complete; a star stands for the frame's number."""
 
-    They are written to a hidden folder and appear when the film is complete.
-    """
+    pattern: Path
+    kept: str
+    what: str
+
+    def __post_init__(self) -> None:
+        folder, name = self.folder, self.name
+        if "*" in str(folder) or name.count("*") != 1:
+            raise ValueError(
+                f"{self.pattern}: {self.what} are written to a folder, or to files with one * "
+                "for the number of the frame, such as depth/*.exr"
+            )
+        if folder.exists() and not folder.is_dir():
+            raise OSError(f"{folder} is not a folder")
+        check_targets((folder if folder.is_dir() else folder.parent) / f"{self.kept}.tried")
+
+    @property
+    def folder(self) -> Path:
+        """Folder where the files appear."""
+        return self.pattern if self._is_folder else self.pattern.parent
+
+    @property
+    def name(self) -> str:
+        """File name, with a star."""
+        return FRAME if self._is_folder else self.pattern.name
+
+    @property
+    def _is_folder(self) -> bool:
+        return names_folder(self.pattern)
+
+    def file(self, n: int) -> Path:
+        """Path of a frame's file, while the film is incomplete."""
+        return self._hidden / self.name.replace("*", f"{n:04d}")
+
+    @contextmanager
+    def appearing(self, *, resume: bool | None = None) -> Iterator[None]:
+        """Publish the files written in the block when it ends.
+
+        Then files of earlier films of the same pattern are removed. After an error the finished
+        files are kept, and a later block with `resume` continues with them; None keeps nothing.
+        """
+        kept, is_new = self._hidden, not self.folder.exists()
+        if not resume:
+            shutil.rmtree(kept, ignore_errors=True)
+        kept.mkdir(parents=True, exist_ok=True)
+        try:
+            yield
+        except BaseException:
+            if resume is None or not self._files(kept):
+                shutil.rmtree(kept, ignore_errors=True)
+                with suppress(OSError):  # the folder holds other files
+                    if is_new:
+                        self.folder.rmdir()
+            raise
+        for earlier in self._files(self.folder):
+            earlier.unlink()
+        for file in self._files(kept):
+            file.replace(self.folder / file.name)
+        shutil.rmtree(kept)
+
+    @property
+    def _hidden(self) -> Path:
+        return self.folder / self.kept
+
+    def _files(self, folder: Path) -> list[Path]:
+        before, after = map(re.escape, self.name.split("*"))
+        named = re.compile(f"{before}[0-9]{{4,}}{after}")
+        return sorted(file for file in folder.iterdir() if named.fullmatch(file.name))
+
+
+def names_folder(path: Path) -> bool:
+    """Whether a target is a folder by its name: an existing one, or a name without a suffix."""
+    return path.is_dir() or not (path.suffix or "*" in path.name)
+
+
+@dataclass(frozen=True)
+class DepthFrames:
+    """Depth files of a film; a star in the name stands for the frame's number."""
 
     pattern: Path
     scale: float | None = None
@@ -87,39 +158,8 @@ def depths_of(
     return frames
 
 
-def frames_of(
-    files: tuple[DepthReader, str, str],
-    warping: DepthWarping,
-    shape: tuple[int, int],
-    background: Background,
-    poses: Sequence[Doubles],
-    camera: CameraModel,
-    threads: int,
-) -> Callable[[int], Levels]:
-    """Return the function that makes frames without depth; raises as `read_views` does."""
-    warping = warping.model_copy(update={"threads": threads})
-    film = film_of(Session(), read_views(*files), shape, warping, background)
-    return shots(poses, camera, film.frame, film.job).frame
-
-
 def appearing(
     depths: DepthFrames | None, *, resume: bool | None = None
 ) -> AbstractContextManager[None]:
     """Return `DepthFrames.appearing`, or a context that does nothing."""
     return nullcontext() if depths is None else depths.appearing(resume=resume)
-
-
-def shots_with_depth(
-    poses: Sequence[Doubles], camera: CameraModel, film: CameraFilm, depths: DepthFrames | None
-) -> Shots:
-    """Return the frames of a path, as `shots` does, that also write depth if requested."""
-    if depths is None:
-        return shots(poses, camera, film.frame, film.job)
-
-    def frame(n: int) -> Levels:
-        seen = film.render(camera.moved(poses[n]))
-        depths.write(n, seen.depth)
-        return as_levels(film.screen(seen))
-
-    made = shots(poses, camera, film.frame, {**film.job, "depth": depths.job})
-    return made._replace(frame=frame, has_more=depths.holds)

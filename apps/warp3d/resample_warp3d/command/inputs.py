@@ -43,7 +43,6 @@ from resample_warp3d.depth.refining.conditioning import (
 from resample_warp3d.depth.refining.inspecting import is_sharpened
 from resample_warp3d.depth.refining.resizing import fitted
 from resample_warp3d.projection_models import CameraModel, taken_by
-from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
 
 NUMBERS = (".npy", ".npz", ".pfm", ".bin")  # suffixes of arrays
@@ -76,10 +75,7 @@ class DepthInput(NamedTuple):
     def refined(
         self, name: str, noise: float | None = None, like: RefinementChoice | None = None
     ) -> Refined:
-        """Refine the depth by the option `name`; what another camera did not see is filled.
-
-        Enlarged depth is always refined. `like`: choice of an earlier picture of the shot.
-        """
+        """Refine the depth by the option `name`, or `like` an earlier picture of the shot."""
         how = partial(
             refine, self.image, noise=noise, step=self.step, is_measured=self.is_registered,
             like=like,
@@ -191,6 +187,8 @@ def view_of(
     if meaning.confidence is not None:
         nearness = confident(nearness, meaning.confidence, meaning.least_confidence)
     if meaning.depth_intrinsics is not None:
+        from resample_warp3d.warping import registered
+
         _check_known(nearness, depth)
         nearness = registered(nearness, depth_camera, camera, shape)
     image = _depth_image(picture, names, nearness, reader.is_soft)
@@ -219,16 +217,9 @@ def _plain_encoding(reader: DepthReader, kinds: tuple[str, ...]) -> DepthEncodin
 
 def inputs_of(reader: DepthReader, picture: Picture, raw: Raw, names: tuple[str, str]) -> Inputs:
     """Make the inputs of one picture and the raw numbers of its depth; panoramas are split."""
-    if reader.eye.source_projection == "equirectangular":
-        return _taken_around(reader, picture, raw, names)
-    view = view_of(reader, picture, raw, names, None)
-    return Inputs([view], picture, reader.eye.camera_model(view.shape), view.shape)
-
-
-def _taken_around(
-    reader: DepthReader, picture: Picture, raw: Raw, names: tuple[str, str]
-) -> Inputs:
-    """Make the inputs of a panorama: its faces."""
+    if reader.eye.source_projection != "equirectangular":
+        view = view_of(reader, picture, raw, names, None)
+        return Inputs([view], picture, reader.eye.camera_model(view.shape), view.shape)
     from resample_warp3d.views.panoramas import faces
 
     shape = picture.data.shape[0], picture.data.shape[1]

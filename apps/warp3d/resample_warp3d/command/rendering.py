@@ -1,6 +1,6 @@
 """Warp depth images for the command line."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from operator import is_
@@ -17,16 +17,14 @@ from resample.console import say
 from resample.files.animations import fingerprint
 from resample.lazy import installed_version
 from resample.types import Floats
-from resample_warp3d.command.animation import on_screen
 from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined, RefinementChoice
-from resample_warp3d.depth.refining.inspecting import Findings
 from resample_warp3d.projection_models import CameraModel, Way, mapping_between
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.sheet.sheets import background, behind
-from resample_warp3d.types import Equation, Hole, Method, Source, Warped
+from resample_warp3d.types import Hole, Method, Source, Warped
 
 if TYPE_CHECKING:
     from resample_warp3d.views.multi_source import Agreed, Joining
@@ -65,16 +63,8 @@ class JoinedPicture(NamedTuple):
     found: list[dict[str, Any]] | None  # each source's corrections; None: one source
 
 
-class CameraFilm(NamedTuple):
-    """Renderer of a film's frames."""
-
-    render: Callable[[CameraModel], Warped]
-    screen: Callable[[Warped], Floats]  # (H, W, 3) of 0..1
-    job: Mapping[str, object]
-
-    def frame(self, camera: CameraModel) -> Floats:
-        """Return a camera's picture, as a screen shows it."""
-        return self.screen(self.render(camera))
+# How to render a film's frames, what a screen shows of them (H, W, 3), and what they depend on.
+CameraFilm = tuple[Callable[[CameraModel], Warped], Callable[[Warped], Floats], dict[str, object]]
 
 
 def prepared(
@@ -83,10 +73,7 @@ def prepared(
     choice: DepthWarping,
     chosen: Sequence[RefinementChoice] | None = None,
 ) -> list[Prepared]:
-    """Prepare sources for warping.
-
-    `chosen`: what was chosen for each in a shot's first picture; None: as `choice` says.
-    """
+    """Prepare sources, as options say, or as was chosen for a shot's first picture."""
     # Differences of labels have no meaning.
     is_auto, made = choice.refine == "auto", []
     name = "none" if is_auto and choice.unmixed else choice.refine
@@ -95,30 +82,17 @@ def prepared(
             like = None if chosen is None else chosen[n]
             refined = view.refined(name, choice.noise, like)
             if is_auto and like is None:
-                parts = _displacement(refined.findings), REFINEMENTS.get(refined.chosen, "")
-                if any(parts):
-                    told = "; ".join(filter(None, parts))
-                    say(f"depth: {told}; --refine none keeps it unchanged")
+                found, words = refined.findings, (("left of", "right of"), ("above", "below"))
+                sides = zip(found.offset, found.shift, words, strict=True)
+                beside = [f"{abs(by):.1f} px {side[by < 0]}" for by, whole, side in sides if whole]
+                told = [f"it lies {' and '.join(beside)} its colors"] if beside else []
+                told += filter(None, [REFINEMENTS.get(refined.chosen)])
+                if told:
+                    say(f"depth: {'; '.join(told)}; --refine none keeps it unchanged")
             source = sourced(refined, noise=choice.noise)
             layer = background(source) if choice.has_layer else None
             made.append(Prepared(source, view.camera, refined, layer))
     return made
-
-
-def _displacement(found: Findings) -> str:
-    """Say how far depth lies beside its colors; nothing if that is hardly a pixel."""
-    sides = zip(
-        found.offset, found.shift, (("left of", "right of"), ("above", "below")), strict=True
-    )
-    told = [f"{abs(by):.1f} px {words[by < 0]}" for by, whole, words in sides if whole]
-    return f"it lies {' and '.join(told)} its colors" if told else ""
-
-
-def warped(
-    session: Session, source: Prepared, target: CameraModel, shape: Shape, choice: DepthWarping
-) -> Warped:
-    """Render a source for a camera in a frame (height, width)."""
-    return _rendered(session, source, mapping_between(source.camera, target, shape), shape, choice)
 
 
 def joined(
@@ -131,15 +105,27 @@ def joined(
 ) -> JoinedPicture:
     """Render sources together for a camera in a frame (height, width); None: there is but one."""
     if joining is None:
-        return JoinedPicture(warped(session, sources[0], target, shape, choice), None)
-    from resample_warp3d.views.multi_source import layers_of, render_together
+        way = mapping_between(sources[0].camera, target, shape)
+        return JoinedPicture(rendered(session, sources[0], way, shape, choice), None)
+    from resample_warp3d.views.multi_source import PosedSource, agreed, layers_of, render_together
 
     look = partial(
         render_together, target=target, shape=shape, method=choice.built(), joining=joining,
         filter=choice.filter, threads=choice.threads,
     )  # fmt: skip
     with session.stage("match"):
-        ready = _agreed(sources, joining)
+        # The last match is kept, for the frames of a film and a viewer's pictures.
+        parts: list[object] = [part for each in sources for part in (each.source, each.camera)]
+        known = (
+            match for kept, how, match in _last
+            if how == joining and len(kept) == len(parts) and all(map(is_, kept, parts))
+        )  # fmt: skip
+        ready = next(known, None)
+        if ready is None:
+            posed = ((each.source, each.camera) for each in sources)
+            views = [PosedSource(s, c) for s, c in posed if isinstance(c, Camera)]
+            ready = agreed(views, joining)
+            _last[:] = [(parts, joining, ready)]
     with session.stage("warp"):
         viewed = look(ready)
         layers = layers_of(ready, [each.layer for each in sources])
@@ -157,41 +143,11 @@ def joined(
     return JoinedPicture(filled(session, viewed.warped, layer, choice), found)
 
 
-def _agreed(sources: Sequence[Prepared], joining: "Joining") -> "Agreed":
-    """Match sources; the last match is kept, for the frames of a film and a viewer's pictures."""
-    from resample_warp3d.views.multi_source import PosedSource, agreed
-
-    parts: list[object] = [part for each in sources for part in (each.source, each.camera)]
-    for kept, way, ready in _last:
-        if way == joining and len(kept) == len(parts) and all(map(is_, kept, parts)):
-            return ready
-    views = [PosedSource(s.source, s.camera) for s in sources if isinstance(s.camera, Camera)]
-    ready = agreed(views, joining)
-    _last[:] = [(parts, joining, ready)]
-    return ready
-
-
-def shifted(
-    session: Session, source: Prepared, equation: Equation, shape: Shape, choice: DepthWarping,
-    method: Method,
+def rendered(
+    session: Session, source: Prepared, equation: Way, shape: Shape, choice: DepthWarping,
+    method: Method | None = None, *, with_depth: bool = True,
 ) -> Warped:  # fmt: skip
-    """Render a picture of a rectified pair by the equation of another eye; depth is not filled.
-
-    `method`: that of the options; one of both eyes prepares their source once.
-    """
-    return _rendered(session, source, equation, shape, choice, method, with_depth=False)
-
-
-def _rendered(
-    session: Session,
-    source: Prepared,
-    equation: Way,
-    shape: Shape,
-    choice: DepthWarping,
-    method: Method | None = None,
-    *,
-    with_depth: bool = True,
-) -> Warped:
+    """Render a source, and fill it if requested; method None: that of the options."""
     from resample_warp3d.warping import render
 
     method = method or choice.built()
@@ -262,7 +218,7 @@ def report(
 def film_of(
     session: Session, taken: Inputs, shape: Shape, choice: DepthWarping, background: Background
 ) -> CameraFilm:
-    """Return the renderer of a film's frames (H, W, 3), and what they depend on."""
+    """Return the renderer of a film's frames."""
     sources = prepared(session, taken.views, choice)
     joining = joining_of(taken, Joint.usual())
 
@@ -272,17 +228,33 @@ def film_of(
     screen = partial(on_screen, has_alpha=taken.picture.kind.has_alpha, background=background)
 
     images = [view.image for view in taken.views]
+    cameras = [[getattr(v.camera, each.name) for each in fields(v.camera)] for v in taken.views]
+    words = [[p.tolist() if isinstance(p, np.ndarray) else p for p in one] for one in cameras]
     job = {
         "source": fingerprint(
             *(part for each in images for part in (each.color, each.nearness, each.place))
         ),
-        "camera": [words_of(view.camera) for view in taken.views],
+        "camera": words,
         "size": list(shape),
         "choices": choice.model_dump(exclude={"threads"}),
         "background": list(background),
         "version": installed_version(),
     }
-    return CameraFilm(viewed, screen, job)
+    return viewed, screen, job
+
+
+def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Floats:
+    """Return a warped picture (H, W, 3) as a screen shows it, 0..1."""
+    channels = warped.image.shape[2] - has_alpha
+    if channels not in (1, 3):
+        raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be shown")
+    from resample.measuring.compare import shown
+
+    image = warped.image
+    if not has_alpha:
+        coverage = np.clip(warped.coverage, 0.0, 1.0)[..., None]
+        image = np.concatenate([image, coverage], axis=2, dtype=np.float32)
+    return shown(image, background)
 
 
 def joining_of(taken: Inputs, joint: Joint, *, unmixed: bool = False) -> "Joining | None":
@@ -297,22 +269,8 @@ def joining_of(taken: Inputs, joint: Joint, *, unmixed: bool = False) -> "Joinin
     return replace(SEAMLESS, blend="best") if chosen.blend == "best" else SEAMLESS
 
 
-def words_of(camera: CameraModel) -> list[object]:
-    """Return a camera's parameters as JSON values, to compare cameras."""
-    parts = (getattr(camera, each.name) for each in fields(camera))
-    return [part.tolist() if isinstance(part, np.ndarray) else part for part in parts]
-
-
 def check_memory(views: Sequence[DepthInput], shape: Shape, output: Path, others: int = 0) -> None:
-    """Refuse a warp that does not fit into memory; log what it needs (DEBUG).
-
-    Measured as the peak of fresh processes (`python -m benchmarks.memory`).
-
-    Parameters
-    ----------
-    shape
-        Height and width of the target, px.
-    """
+    """Refuse a warp to (height, width) that does not fit into memory; log what it needs (DEBUG)."""
     channels = max(view.picture.data.shape[2] for view in views)
     sources = sum(bytes_of_source(view.picture.data.shape) for view in views)
     pixel = (channels + 1) * bytes_per_value(output)

@@ -75,11 +75,31 @@ class SourceCamera(Choices):
 
     def check(self) -> None:
         """Refuse wrong options before any file is read."""
+        from resample.cameras.calibrations import read_lens
+        from resample.cameras.models import Camera
+
         if self.source_projection == "pinhole":
-            self._check_pinhole()
+            if self.pixel_size is not None:
+                raise ValueError("--pixel-size belongs to --source-projection orthographic")
+            tell_radians(self.fov)
+            whole_lens = None if self._coefficients else self.lens
+            ways = {"--intrinsics": self.intrinsics, "--fov": self.fov, "--lens": whole_lens}
+            given = [name for name, way in ways.items() if way is not None]
+            if len(given) > 1:
+                raise ValueError(f"give one of {' and '.join(given)}, not both")
+            if self.intrinsics is not None:
+                check_intrinsics("intrinsics", self.intrinsics)
+            elif not given and self.source_pose is None:
+                raise ValueError(
+                    "give --intrinsics fx,fy,cx,cy or a --lens, or --fov 60 if they are unknown"
+                )
+            if whole_lens is not None:
+                read_lens(whole_lens)
+            elif self._coefficients:
+                Camera.from_fov(60.0, 1, 1).with_lens(self._coefficients)
             return
-        given = {"intrinsics": self.intrinsics, "fov": self.fov, "lens": self.lens}
-        for name, way in given.items():
+        pinhole = {"intrinsics": self.intrinsics, "fov": self.fov, "lens": self.lens}
+        for name, way in pinhole.items():
             if way is not None:
                 raise ValueError(
                     f"--{name} is for a pinhole; leave it out with --source-projection"
@@ -97,29 +117,6 @@ class SourceCamera(Choices):
                 f"{command} needs pictures of a pinhole or lens; for --source-projection"
                 f" {self.source_projection} use render or animate"
             )
-
-    def _check_pinhole(self) -> None:
-        from resample.cameras.calibrations import read_lens
-        from resample.cameras.models import Camera
-
-        if self.pixel_size is not None:
-            raise ValueError("--pixel-size belongs to --source-projection orthographic")
-        tell_radians(self.fov)
-        whole_lens = None if self._coefficients else self.lens
-        ways = {"--intrinsics": self.intrinsics, "--fov": self.fov, "--lens": whole_lens}
-        given = [name for name, way in ways.items() if way is not None]
-        if len(given) > 1:
-            raise ValueError(f"give one of {' and '.join(given)}, not both")
-        if self.intrinsics is not None:
-            check_intrinsics("intrinsics", self.intrinsics)
-        elif not given and self.source_pose is None:
-            raise ValueError(
-                "give --intrinsics fx,fy,cx,cy or a --lens, or --fov 60 if they are unknown"
-            )
-        if whole_lens is not None:
-            read_lens(whole_lens)
-        elif self._coefficients:
-            Camera.from_fov(60.0, 1, 1).with_lens(self._coefficients)
 
     @property
     def _coefficients(self) -> list[float]:
@@ -143,10 +140,7 @@ class SourceCamera(Choices):
         return self.model_copy(update={"source_pose": color if path != color else f"{color}:0"})
 
     def camera_model(self, shape: Shape, pose: str | None = None) -> "CameraModel":
-        """Return the camera of a picture (height, width), of any projection.
-
-        Parameters and errors as for `camera`.
-        """
+        """Return the camera of a picture (height, width), of any projection."""
         import numpy as np
 
         from resample.cameras.files import read_pose

@@ -104,13 +104,24 @@ class TargetCamera(Choices):
         self, source: "CameraModel", source_shape: Shape, convention: "AnyConvention"
     ) -> "CameraModel":
         """Return the camera of the new picture, at the source's pose."""
+        from resample.cameras.calibrations import read_calibration
         from resample.cameras.models import Camera, Orthographic
         from resample.cameras.panoramic import Equirectangular, check_panorama
 
         shape, pose = self.shape(source_shape), source.world_to_camera
-        own = self._pinhole(shape, convention)
-        if own is not None:
-            return own.moved(pose)
+        if self.target_fov is not None:
+            return Camera.from_fov(self.target_fov, *shape).moved(pose)
+        if self.target_lens is not None:
+            return read_calibration(self.target_lens).sized(*shape).moved(pose)
+        if self.target_intrinsics is not None:
+            given = with_intrinsics("target-intrinsics", self.target_intrinsics, convention)
+            aimed = given.sized(*shape)
+            if aimed.distortion is not None:
+                raise ValueError(
+                    f"{self.target_intrinsics} has a lens; give it as --target-lens, or give"
+                    " --target-intrinsics as fx,fy,cx,cy"
+                )
+            return aimed.moved(pose)
         if self.target_pixel_size is not None:
             scale = 1.0 / self.target_pixel_size
             return Orthographic(scale, scale, shape[1] / 2, shape[0] / 2, pose)
@@ -127,26 +138,6 @@ class TargetCamera(Choices):
         return Orthographic(
             source.sx * right, source.sy * down, source.cx * right, source.cy * down, pose
         )
-
-    def _pinhole(self, shape: Shape, convention: "AnyConvention") -> "Camera | None":
-        """Return the pinhole or lens given by options, if any."""
-        from resample.cameras.calibrations import read_calibration
-        from resample.cameras.models import Camera
-
-        if self.target_fov is not None:
-            return Camera.from_fov(self.target_fov, *shape)
-        if self.target_lens is not None:
-            return read_calibration(self.target_lens).sized(*shape)
-        if self.target_intrinsics is None:
-            return None
-        given = with_intrinsics("target-intrinsics", self.target_intrinsics, convention)
-        aimed = given.sized(*shape)
-        if aimed.distortion is not None:
-            raise ValueError(
-                f"{self.target_intrinsics} has a lens; give it as --target-lens, or give"
-                " --target-intrinsics as fx,fy,cx,cy"
-            )
-        return aimed
 
 
 class Aim(TargetCamera):
@@ -185,7 +176,7 @@ class Aim(TargetCamera):
 
     def step(self) -> "Doubles":
         """Return the pose of the moved and turned camera, relative to the initial one."""
-        from resample_warp3d.command.animation import stepped
+        from resample_warp3d.projection_models import stepped
 
         move = [0.0, 0.0, 0.0] if self.move is None else numbers_in("move", self.move, 3)
         turn = [0.0, 0.0, 0.0] if self.turn is None else numbers_in("turn", self.turn, 3)

@@ -5,7 +5,7 @@ it is magnified are those of its own square, under any filter: the middle by nea
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,20 +17,9 @@ from resample_warp3d.projection_models import Way
 from resample_warp3d.sheet.filling import bridged
 from resample_warp3d.types import Method, Rendered, Source
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 WayMethod = Callable[[Source, Any, tuple[int, int]], Rendered]  # along a way that the method knows
 
 TRACE = 1e-4  # coverage below which a pixel is empty
-
-
-class Shown(NamedTuple):
-    """A picture under its filter, and the same by the squares of its pixels."""
-
-    image: Floats  # (H, W, C)
-    coverage: Floats  # (H, W, 1)
-    squares: Rendered  # of the picture and of the margin that the filter reads around it
 
 
 def filtered(
@@ -45,26 +34,41 @@ def filtered(
     if parts.weight.size == 1:  # the mean over a pixel's square, as all methods have it
         look: WayMethod = method
         return look(source, equation, shape)
-    check_method(method)
-    shown = _painted(method, parts, source, equation, shape)
-    if isinstance(method, Hybrid):
-        shown = _closed(shown, parts)
-    return _concluded(shown, parts, is_whole=getattr(method, "is_whole", False))
-
-
-def check_method(method: Method) -> None:
-    """Refuse methods that no filter can be applied to."""
     if getattr(method, "is_per_pixel", False):
         name = type(method).__name__
         raise ValueError(f"{name} copies samples to whole pixels; leave out the pixel filter")
     if getattr(method, "labels", False):
         raise ValueError("labels are not mixed; leave out the pixel filter")
+    image, coverage, squares = _painted(method, parts, source, equation, shape)
+    # Cover at most all of a pixel; light goes with the coverage, so that what has one color keeps
+    # it where filters with negative weights overshoot.
+    total = coverage[..., 0]
+    is_seen, is_whole = total > TRACE, getattr(method, "is_whole", False)
+    share = np.where(is_seen, np.float32(1) if is_whole else np.minimum(total, 1), 0)
+    scale = np.divide(share, total, out=np.zeros_like(total), where=is_seen)
+    # Pixels whose own squares are empty are as far as the nearest pixel that the filter reads.
+    margin, (nearness, magnification) = parts.margin, np.zeros((2, *shape), np.float32)
+    steps = np.arange(-margin, margin + 1)
+    offsets = sorted(
+        ((int(y), int(x)) for y in steps for x in steps), key=lambda at: at[0] ** 2 + at[1] ** 2
+    )
+    for down, right in offsets:
+        missing = is_seen & (nearness <= 0)
+        if not missing.any():
+            break
+        there = _inner(margin, shape, down, right)
+        nearness[missing] = squares.nearness[there][missing]
+        magnification[missing] = squares.magnification[there][missing]
+    return Rendered(
+        image * scale[..., None].astype(np.float32), share.astype(np.float32), nearness,
+        magnification, squares.bridged[_inner(margin, shape)] & is_seen,
+    )  # fmt: skip
 
 
 def _painted(
     method: Method, parts: Subpixels, source: Source, equation: Way, shape: tuple[int, int]
-) -> Shown:
-    """What a method paints on sub-pixels, filtered, strip by strip."""
+) -> tuple[Floats, Floats, Rendered]:
+    """Filter what a method paints on sub-pixels: image, coverage, and squares with the margin."""
     from resample.engine.surfaces import resolve_rows
 
     paint: WayMethod = method.layers if isinstance(method, Hybrid) else method
@@ -78,7 +82,17 @@ def _painted(
         resolve_rows(_flat(fine.image), parts.weight, parts.count, image[rows])
         resolve_rows(fine.coverage, parts.weight, parts.count, coverage[rows])
         _show_squares(fine, parts, strip, squares)
-    return Shown(image, coverage, squares)
+    if not isinstance(method, Hybrid):
+        return image, coverage, squares
+    # What closes a narrow gap lies evenly over its pixel, and is filtered like all else.
+    closed = bridged(squares._replace(image=squares.image.copy(), nearness=squares.nearness.copy()))
+    for picture, before, after in (
+        (image, squares.image, closed.image), (coverage, squares.coverage, closed.coverage)
+    ):  # fmt: skip
+        more = np.empty_like(picture)
+        resolve_rows(_flat(after - before), parts.per_pixel, 1, more)
+        picture[:] = picture + more
+    return image, coverage, closed
 
 
 def _show_squares(fine: Rendered, parts: Subpixels, strip: Strip, squares: Rendered) -> None:
@@ -97,66 +111,6 @@ def _show_squares(fine: Rendered, parts: Subpixels, strip: Strip, squares: Rende
     bridges = fine.bridged.reshape(height, n, width, n).sum(axis=(1, 3))
     seen = (fine.coverage > 0).reshape(height, n, width, n).sum(axis=(1, 3))
     squares.bridged[rows] = (bridges > 0) & (2 * bridges >= seen)
-
-
-def _closed(shown: Shown, parts: Subpixels) -> Shown:
-    """Picture whose narrow gaps are closed as those of pixels' squares are.
-
-    What closes a gap lies evenly over its pixel, and is filtered like all else.
-    """
-    from resample.engine.surfaces import resolve_rows
-
-    squares = shown.squares
-    closed = bridged(squares._replace(image=squares.image.copy(), nearness=squares.nearness.copy()))
-    for picture, before, after in (
-        (shown.image, squares.image, closed.image),
-        (shown.coverage, squares.coverage, closed.coverage),
-    ):
-        more, added = np.empty_like(picture), after - before
-        resolve_rows(_flat(added), parts.per_pixel, 1, more)
-        picture[:] = picture + more
-    return shown._replace(squares=closed)
-
-
-def _concluded(shown: Shown, parts: Subpixels, *, is_whole: bool) -> Rendered:
-    """Picture with coverage within 0..1, and with a nearness wherever something is.
-
-    Filters with negative weights overshoot at edges: light goes with the coverage, so that what has
-    one color keeps it. With `is_whole` pixels are covered wholly wherever they are at all.
-    """
-    total = shown.coverage[..., 0]
-    is_seen = total > TRACE
-    coverage = np.where(is_seen, np.float32(1) if is_whole else np.minimum(total, 1), 0)
-    share = np.divide(coverage, total, out=np.zeros_like(total), where=is_seen)
-    nearness, magnification = _nearest(shown.squares, is_seen, parts.margin)
-    inner = _inner(parts.margin, total.shape)
-    return Rendered(
-        shown.image * share[..., None].astype(np.float32),
-        coverage.astype(np.float32),
-        nearness,
-        magnification,
-        shown.squares.bridged[inner] & is_seen,
-    )
-
-
-def _nearest(squares: Rendered, is_seen: "NDArray[np.bool_]", margin: int) -> tuple[Floats, Floats]:
-    """Nearness and magnification of all pixels that are seen.
-
-    Of pixels whose own squares are empty, those of the nearest pixel that the filter reads.
-    """
-    steps = np.arange(-margin, margin + 1)
-    offsets = sorted(
-        ((int(y), int(x)) for y in steps for x in steps), key=lambda at: at[0] ** 2 + at[1] ** 2
-    )
-    nearness, magnification = (np.zeros(is_seen.shape, np.float32) for _ in range(2))
-    for down, right in offsets:
-        missing = is_seen & (nearness <= 0)
-        if not missing.any():
-            break
-        there = _inner(margin, is_seen.shape, down, right)
-        nearness[missing] = squares.nearness[there][missing]
-        magnification[missing] = squares.magnification[there][missing]
-    return nearness, magnification
 
 
 def _inner(

@@ -109,12 +109,6 @@ class Preview:
         return blank
 
 
-def normalised(equation: Equation) -> tuple[Doubles, Doubles, float]:
-    """Matrix and epipole of a usual size, and what nearness has to be divided by for it."""
-    scale = float(np.linalg.norm(equation.matrix[2]))
-    return equation.matrix / scale, equation.epipole / scale, scale
-
-
 def band_of(shape: tuple[int, int]) -> int:
     """Rows of the target that one thread paints at a time."""
     return max(1, min(BAND, LARGEST_BAND // shape[1]))
@@ -124,8 +118,9 @@ def laid(sheet: Sheet, way: Way) -> tuple["SheetScreen", float, float]:
     """Sheet on a target's screen, orientation of that, and what its nearness is divided by."""
     if isinstance(way, Passage):
         return way.laid(sheet), way.orientation, 1.0
-    matrix, epipole, scale = normalised(way)
-    return project(sheet, matrix, epipole), float(np.linalg.det(matrix)), scale
+    scale = float(np.linalg.norm(way.matrix[2]))  # to a matrix and epipole of a usual size
+    matrix = way.matrix / scale
+    return project(sheet, matrix, way.epipole / scale), float(np.linalg.det(matrix)), scale
 
 
 def whole_frame(
@@ -141,7 +136,7 @@ def whole_frame(
 def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> "SheetScreen":
     """Sheet on the screen of a target."""
     from resample_warp3d.sheet.kernels import screen
-    from resample_warp3d.sheet.kernels.limbs import project_ends
+    from resample_warp3d.sheet.kernels.corners import project_ends
 
     height, width = sheet.torn.shape
     vertices = np.empty((3, height + 1, width + 1), np.float32)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -21,7 +20,7 @@ from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import RECORD
 from resample.hybrid.splats import FLAT_TABLES
 from resample.messages import number
-from resample_warp3d.types import DOWN, RIGHT, Equation, Links, Rendered, Source
+from resample_warp3d.types import DOWN, RIGHT, Equation, Rendered, Source
 
 SIGMA = 0.45  # px of the source; sharper leaves gaps where surfaces curve, wider blurs
 CORE = 0.75  # px of the source; half a cell, and as much again as closes gaps where depth is noisy
@@ -138,11 +137,17 @@ def _painted(
         raise ValueError("the warping equation's matrix is singular; check both cameras") from None
     backward = np.column_stack([inverse, inverse @ equation.epipole])  # M⁻¹ and M⁻¹ e
     place_samples(source, equation, backward, widths, cores, shape, placed)
+    # Number the surface that each sample is on: what links lead to.
+    index, links = np.arange(count, dtype=np.int32).reshape(source.links.shape), source.links
+    right, down = links[:, :-1] & RIGHT > 0, links[:-1] & DOWN > 0
+    one = np.concatenate([index[:, :-1][right], index[:-1][down]])
+    other = np.concatenate([index[:, 1:][right], index[1:][down]])
+    graph = coo_matrix((np.ones(one.size, np.int8), (one, other)), (count, count))
     blend = NearestSurface(
         source.color.reshape(count, source.color.shape[2]),
         placed.slope,
         placed.core,
-        _labels(source.links),
+        np.asarray(connected_components(graph, directed=False)[1], np.int32),
         placed.normal,
         SurfaceRule(np.float32(tolerance), np.float32(LOOSE * tolerance), np.float32(TURN)),
         np.zeros((*shape, source.color.shape[2]), np.float32),
@@ -159,17 +164,6 @@ def _painted(
         np.where(covered, placed.area[blend.found], np.float32(0.0)),
         covered & (blend.nearness <= 0.0),
     )
-
-
-def _labels(links: Links) -> NDArray[np.int32]:
-    """Number (N,) of the surface that each sample is on: what links lead to."""
-    height, width = links.shape
-    index = np.arange(height * width, dtype=np.int32).reshape(height, width)
-    right, down = links[:, :-1] & RIGHT > 0, links[:-1] & DOWN > 0
-    one = np.concatenate([index[:, :-1][right], index[:-1][down]])
-    other = np.concatenate([index[:, 1:][right], index[1:][down]])
-    graph = coo_matrix((np.ones(one.size, np.int8), (one, other)), (index.size, index.size))
-    return np.asarray(connected_components(graph, directed=False)[1], np.int32)
 
 
 def _check_deviation(name: str, value: float) -> None:

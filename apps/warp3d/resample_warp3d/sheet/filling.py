@@ -5,8 +5,6 @@ spreads colors inward from a hole's border. Here the border's near side is maske
 that what the source's foreground covered is filled from the far side only.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,45 +20,36 @@ APART = 1.05  # ratio of nearness from which a hole's border has a near and a fa
 Mask = NDArray[np.bool_]
 
 
-class HoleOutline(NamedTuple):
-    """Masks for filling holes."""
-
-    unknown: Mask  # (H, W) to be filled, fully or behind a partial cover
-    hidden: Mask  # (H, W) known, but on the near side of a hole
-
-
 def fill(warped: Warped, *, with_depth: bool = True) -> Warped:
-    """Fill the holes of a picture, and its depth if requested.
+    """Fill the holes of a picture, and its depth if requested; coverage gets 1.
 
-    `warped`: the warped picture. Disoccluded pixels are filled from the far side of their
-    surroundings, pixels outside the source or without depth from all sides. Partly covered pixels
-    get the filling behind their cover. Result: the same with coverage 1; the causes of holes,
-    magnification and confidence are unchanged. If nothing at all is known, the input.
+    Disoccluded pixels are filled from the far side of their surroundings, pixels outside the source
+    or without depth from all sides. Partly covered pixels get the filling behind their cover.
     """
     nearness = np.zeros_like(warped.depth)
     np.divide(1.0, warped.depth, out=nearness, where=(warped.depth > 0) & (warped.coverage > 0))
-    rim = hole_outline(warped.coverage, nearness, warped.holes)
-    if rim.unknown.all() or not rim.unknown.any():
+    unknown, hidden = hole_outline(warped.coverage, nearness, warped.holes)
+    if unknown.all() or not unknown.any():
         return warped
-    behind, image = rim.unknown | rim.hidden, warped.image.copy()
-    is_part = ~rim.unknown & (warped.coverage < 1.0)
+    behind, image = unknown | hidden, warped.image.copy()
+    is_part = ~unknown & (warped.coverage < 1.0)
     image[is_part] /= warped.coverage[is_part][:, None]
-    image[rim.unknown] = 0.0
-    left = np.float32(1.0) - np.clip(warped.coverage[rim.unknown], 0.0, 1.0)[:, None]
-    beside = inpainted(image, behind)[rim.unknown]
-    image[rim.unknown] = warped.image[rim.unknown] + left * beside
+    image[unknown] = 0.0
+    left = np.float32(1.0) - np.clip(warped.coverage[unknown], 0.0, 1.0)[:, None]
+    beside = inpainted(image, behind)[unknown]
+    image[unknown] = warped.image[unknown] + left * beside
     coverage = np.ones_like(warped.coverage)
     if not with_depth:
         return warped._replace(image=image, coverage=coverage)
     far = inpainted(nearness[..., None], behind)[..., 0]
-    is_empty = rim.unknown & (nearness <= 0)
+    is_empty = unknown & (nearness <= 0)
     found = np.where(is_empty, far, nearness)
     depth = np.full_like(warped.depth, np.inf)
     np.divide(1.0, found, out=depth, where=found > 0)
     return warped._replace(image=image, coverage=coverage, depth=depth)
 
 
-def hole_outline(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> HoleOutline:
+def hole_outline(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> tuple[Mask, Mask]:
     """Return the unknown pixels, and the known ones that must not flow into them.
 
     A known pixel is hidden if it is nearer than the midpoint between the nearest and the farthest
@@ -69,7 +58,7 @@ def hole_outline(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -
     from beyond the hidden pixels arrive too late.
     """
     unknown = coverage < SOLID
-    nowhere = HoleOutline(unknown, np.zeros_like(unknown))
+    nowhere = unknown, np.zeros_like(unknown)
     if unknown.all() or not unknown.any():
         return nowhere
     import cv2
@@ -92,7 +81,7 @@ def hole_outline(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -
     count, hole = cv2.connectedComponents(is_hole.astype(np.uint8))
     most = np.zeros(count, np.float32)
     np.maximum.at(most, hole[is_hole], away[is_hole])
-    return HoleOutline(unknown, is_near & (distance <= most[hole.flat[closest]] + 2 * RADIUS + 2))
+    return unknown, is_near & (distance <= most[hole.flat[closest]] + 2 * RADIUS + 2)
 
 
 def _middle(nearness: Floats, unknown: Mask) -> Floats:
@@ -117,10 +106,7 @@ def _middle(nearness: Floats, unknown: Mask) -> Floats:
 
 
 def inpainted(values: Floats, where: Mask) -> Floats:
-    """Inpaint the marked values of (H, W, C) from the others; for any range.
-
-    OpenCV adds up to √2 to every inpainted value, so values are scaled up to make that negligible.
-    """
+    """Inpaint the marked values of (H, W, C) from the others; for any range."""
     import cv2
 
     mask = where.astype(np.uint8)
@@ -128,6 +114,7 @@ def inpainted(values: Floats, where: Mask) -> Floats:
     for n in range(values.shape[2]):
         known = values[..., n][~where]
         low, high = float(known.min()), float(known.max())
+        # OpenCV adds up to √2 to what it inpaints: scale values up to make that negligible.
         scale = LARGE / max(abs(low), abs(high), 1e-30)
         plane = cv2.inpaint(values[..., n] * np.float32(scale), mask, RADIUS, cv2.INPAINT_TELEA)
         filled[..., n] = np.clip(plane / np.float32(scale), low, high)
@@ -155,11 +142,7 @@ def bridged(rendered: Rendered) -> Rendered:
 
 
 def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray[np.uint8]:
-    """Classify each pixel, (H, W) values of `Hole`.
-
-    A hole is assumed to be as far as the farther of its neighbours in its row; an empty row as far
-    as the farthest point of the nearest row that is not empty.
-    """
+    """Classify each pixel, (H, W) values of `Hole`; a hole is as far as its farther side."""
     from resample_warp3d.sheet.kernels.bridging import explain_holes
 
     holes = np.empty(rendered.coverage.shape, np.uint8)
@@ -172,10 +155,7 @@ def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray
 
 
 def trusted(rendered: Rendered, source: Source, equation: Equation) -> Floats:
-    """Return the trust of the pixels' depth (H, W): 1 where it was not refined.
-
-    Refined depth has the share of votes for it; filled depth half of that.
-    """
+    """Return the trust of depth (H, W): 1, refined the share of votes, filled half of that."""
     from resample_warp3d.sheet.kernels.bridging import sample_map
 
     found = np.ones(rendered.nearness.shape, np.float32)

@@ -6,8 +6,6 @@ its color spreads from the far side only, after the near side's light has been r
 samples.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,6 +35,7 @@ AROUND = 10  # samples around the made-up ones used for their colors
 CLASSES = 6  # of far sides by nearness, so that near ones do not hide farther ones
 
 Mask = NDArray[np.bool_]
+FarSides = tuple[Floats, Floats, Mask, Mask, NDArray[np.int64]]  # of `_one_class`
 NEIGHBOURS = ((RIGHT, 0, 1), (DOWN, 1, 0), (LEFT, 0, -1), (UP, -1, 0))
 
 
@@ -59,7 +58,6 @@ class SheetCache:
 def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     """Make the sheet of a prepared source."""
     from resample_warp3d.sheet.kernels import corners
-    from resample_warp3d.sheet.kernels.limbs import Silhouettes, mark_ends
 
     nearness, links = source.nearness, source.links
     height, width = nearness.shape
@@ -69,11 +67,11 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     index = np.empty((height, width), np.int32)
     corner = np.empty((corners.number_torn(nearness, vertex, index), 4, 3), np.float32)
     roundness = np.empty((len(corner), 4, 2), np.float32)
-    silhouettes = Silhouettes(edge, error_of(source))
-    corners.fill_torn(nearness, links, silhouettes, index, corner, roundness)
+    error = error_of(source)
+    corners.fill_torn(nearness, links, edge, error, index, corner, roundness)
     ends = np.argwhere(roundness.any(axis=2)).astype(np.int32, order="C")
     marked = np.empty_like(links)
-    mark_ends(nearness, links, silhouettes.error, marked)
+    corners.mark_ends(nearness, links, error, marked)
     place = corner_places(source.place)
     if place.size:
         bend(corner, place)
@@ -84,10 +82,7 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
 
 
 def alone(source: Source, *, is_label: bool = False) -> tuple[Floats, Floats]:
-    """Return unmixed colors (H, W, C) of surfaces, and silhouettes (H, W, 2).
-
-    Silhouettes are those of `outlines.find_silhouettes`; labels are not unmixed.
-    """
+    """Return unmixed colors (H, W, C) of surfaces, but of labels, and silhouettes (H, W, 2)."""
     from resample_warp3d.depth.kernels import outlines
 
     nearness, links = source.nearness, source.links
@@ -137,16 +132,6 @@ def bend(corner: Floats, place: Doubles) -> None:
     corner[..., :2] = (1 - v) * above + v * below
 
 
-class FarSides(NamedTuple):
-    """Far sides of a class, extrapolated behind their silhouettes."""
-
-    distance: Floats  # (H, W) to the nearest sample at a silhouette
-    nearness: Floats  # (H, W) of its surface
-    hidden: Mask  # (H, W) the surface lies behind the sample, close enough to its silhouette
-    same: Mask  # (H, W) the sample belongs to that surface
-    start: NDArray[np.int64]  # (H, W) number of the nearest sample at a silhouette
-
-
 def background(source: Source, reach: float = REACH) -> Source | None:
     """Return the background layer behind the silhouettes of a source.
 
@@ -183,19 +168,18 @@ def background(source: Source, reach: float = REACH) -> Source | None:
     if not far.any():
         return None
     classes = _classes(source, far, reach * max(far.shape))
-    away = np.stack([np.where(each.hidden, each.distance, np.inf) for each in classes])
+    away = np.stack([np.where(behind, distance, np.inf) for distance, _, behind, *_ in classes])
     first, hidden = away.argmin(axis=0), np.isfinite(away).any(axis=0)
     if not hidden.any():
         return None
     color, _ = alone(source)
     made, depth = color.copy(), np.zeros_like(source.nearness)
-    for n, each in enumerate(classes):
-        beside = each.same & (each.distance <= RING) & ~hidden
-        depth = np.where(beside, source.nearness, depth)
+    for n, (distance, nearness, _, same, start) in enumerate(classes):
+        depth = np.where(same & (distance <= RING) & ~hidden, source.nearness, depth)
         chosen = hidden & (first == n)
         if chosen.any():
-            depth = np.where(chosen, each.nearness, depth)
-            made[chosen] = _spread(color, each, chosen)[chosen]
+            depth = np.where(chosen, nearness, depth)
+            made[chosen] = _spread(color, distance, same, start, chosen)[chosen]
     return prepare(DepthImage(made, depth, source.place), noise=0.0, step=0.0)
 
 
@@ -248,7 +232,12 @@ def _classes(source: Source, far: Mask, most: float) -> list[FarSides]:
 
 
 def _one_class(source: Source, far: Mask, most: float) -> FarSides:
-    """Extrapolate the far sides of one class."""
+    """Extrapolate the far sides of one class behind their silhouettes.
+
+    Returns (H, W) each: the distance to the nearest sample at a silhouette; the nearness of its
+    surface; whether that lies behind the sample, close enough to its silhouette; whether the sample
+    belongs to it; and the number of the sample at the silhouette.
+    """
     import cv2
 
     width = far.shape[1]
@@ -265,27 +254,27 @@ def _one_class(source: Source, far: Mask, most: float) -> FarSides:
     nearness = first + np.clip(change, -STEEP * first, STEEP * first)
     same = np.abs(source.nearness - nearness) <= (APART - 1.0) * nearness
     hidden = (distance <= most) & (nearness > 0) & (source.nearness > APART * nearness)
-    return FarSides(
-        np.asarray(distance, np.float32), np.asarray(nearness, np.float32), hidden,
-        same & (source.nearness > 0), start,
-    )  # fmt: skip
+    same &= source.nearness > 0
+    return np.asarray(distance, np.float32), np.asarray(nearness, np.float32), hidden, same, start
 
 
-def _spread(color: Floats, beyond: FarSides, chosen: Mask) -> Floats:
+def _spread(
+    color: Floats, distance: Floats, same: Mask, start: NDArray[np.int64], chosen: Mask
+) -> Floats:
     """Spread the colors (H, W, C) of far sides to the chosen samples.
 
     Samples of other surfaces give no color: they count as unknown, or, where they are farther away
     than all chosen samples, get the color of the nearest sample at a silhouette.
     """
-    reach = float(beyond.distance[chosen].max()) + 1.0
+    reach = float(distance[chosen].max()) + 1.0
     row, column = (np.flatnonzero(chosen.any(axis=axis)) for axis in (1, 0))
     part = (
         slice(max(int(row[0]) - AROUND, 0), int(row[-1]) + AROUND + 1),
         slice(max(int(column[0]) - AROUND, 0), int(column[-1]) + AROUND + 1),
     )
-    unknown = chosen | (~beyond.same & (beyond.distance <= reach))
-    nearest = color.reshape(-1, color.shape[2])[beyond.start]
-    made = np.where(beyond.same[..., None], color, nearest)
+    unknown = chosen | (~same & (distance <= reach))
+    nearest = color.reshape(-1, color.shape[2])[start]
+    made = np.where(same[..., None], color, nearest)
     if not unknown[part].all():
         made[part] = inpainted(made[part], unknown[part])
     return made

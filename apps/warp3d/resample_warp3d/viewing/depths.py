@@ -6,7 +6,7 @@ The page's state is a set of `render` options.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from resample.command.settings import Choices, Written, chosen, option_of
 from resample.console import film_background
 from resample.files.animations import write_film
 from resample.files.formats import WriteOptions, page_of
-from resample.files.pictures import Kind, Picture
+from resample.files.pictures import Picture
 from resample.files.saving import write_picture
 from resample.files.writing import save_array
 from resample.progress import Cancel, Progress, cancellable
@@ -66,45 +66,13 @@ HOLES = {
 }
 
 
-class _DepthRequest(NamedTuple):
-    """Checked options of a page."""
-
-    eye: SourceCamera
-    meaning: Depth
-    aim: Aim
-    joint: Joint
-    warping: DepthWarping
-    written: Written
-    showing: Showing
-
-    @property
-    def options(self) -> WriteOptions:
-        """Format of the picture to write."""
-        if self.warping.unmixed:
-            return WriteOptions(self.written.bits, is_light=False)
-        return self.written.options()
-
-
-class _Rendering(NamedTuple):
-    """A rendered view and its options."""
-
-    request: _DepthRequest
-    kind: Kind
-    warped: Warped
-    target: CameraModel  # camera of the view
-
-    def picture(self) -> Picture:
-        """Return the picture to write."""
-        request = self.request
-        return made_of(self.warped, self.kind, request.warping, request.showing.show)
+_Options = tuple[SourceCamera, Depth, Aim, Joint, DepthWarping, Written, Showing]
+_Rendering = tuple[Picture, WriteOptions, Warped, CameraModel]  # what is written, and its camera
 
 
 @dataclass
 class DepthPainter:
-    """Painter of a depth image for one page.
-
-    `color`, `depth`: files, as the command takes them. `further`: further views, COLOR,DEPTH,POSE.
-    """
+    """Painter of a depth image for one page, with further views COLOR,DEPTH,POSE."""
 
     color: str
     depth: str
@@ -117,23 +85,23 @@ class DepthPainter:
         with cancellable(cancel):
             if quick:
                 size = preview_size(size)
-                seen = self._rendered(settings, size)
+                picture, look, _, target = self._rendered(settings, size)
             else:
-                seen = self._last = self._rendered(settings, size)
-            page = page_of(Path("picture.png"), seen.picture(), seen.request.options)
-        return PagePicture(shown(page.data), quick, placed_by(seen.target, size))
+                picture, look, _, target = self._last = self._rendered(settings, size)
+            page = page_of(Path("picture.png"), picture, look)
+        return PagePicture(shown(page.data), quick, placed_by(target, size))
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return depth, magnification and more of a pixel, see `resample.view.views.Painter`."""
         seen = self._last
-        if seen is None or seen.warped.coverage.shape != size[::-1]:
+        if seen is None or seen[2].coverage.shape != size[::-1]:
             seen = self._rendered(settings, size)
-        warped = seen.warped
+        _, _, warped, target = seen
         at = pixel_at(size, x, y)
         hole = HOLES[Hole(int(warped.holes[at]))]
         if not np.isfinite(warped.depth[at]):
             return {"hole": hole}
-        target, position = seen.target, {}
+        position = {}
         if not isinstance(target, Equirectangular) and placed_by(target, size):
             place = position_at(target.view(), at, float(warped.depth[at])).tolist()
             position = {"position": ", ".join(f"{part:.6g}" for part in place)}
@@ -146,20 +114,12 @@ class DepthPainter:
         }
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
-        """Write the picture as the command does.
-
-        Raises ValueError, LookupError, OSError: an option is not allowed, or a file cannot be read
-        or written.
-        """
-        seen = self._rendered(settings, size)
-        write_picture(path, seen.picture(), seen.request.options)
+        """Write the picture as the command does."""
+        picture, look, *_ = self._rendered(settings, size)
+        write_picture(path, picture, look)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
-        """Return a file of poses, see `resample.view.views.Filming`.
-
-        Poses are from world to camera, four lines each; cameras are `move;turn`, relative to the
-        initial one.
-        """
+        """Return a file of poses of cameras `move;turn`, see `resample.view.views.Filming`."""
         pose, poses = settings.get("pose"), []
         start = (
             self.taken(settings).camera.world_to_camera if pose is None else read_pose(str(pose))
@@ -190,23 +150,28 @@ class DepthPainter:
             camera = target.camera_model(taken.camera, taken.shape, eye.convention)
             way = poses_of(str(file), frames, None, camera.world_to_camera, Range(1.0, 1.0))
         film = film_of(Session(), taken, size[::-1], warping, background)
-        write_film(path, shots(way, camera, film.frame, film.job), RATE, progress=progress)
+        write_film(path, shots(way, camera, film), RATE, progress=progress)
 
     def taken(self, settings: Settings) -> Inputs:
-        """Return the files, read and prepared; raises as `save` does."""
-        return self._sources(_checked(settings))[0]
+        """Return the files, read and prepared."""
+        eye, meaning, _, _, warping, *_ = _checked(settings)
+        return self._sources(eye, meaning, warping)[0]
 
     def _rendered(self, settings: Settings, size: Size) -> _Rendering:
-        request = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
-        taken, sources = self._sources(request)
-        target = request.aim.camera_model(taken.camera, taken.shape, request.eye.convention)
-        joining = joining_of(taken, request.joint, unmixed=request.warping.unmixed)
-        together = joined(Session(), sources, target, size[::-1], request.warping, joining)
-        return _Rendering(request, taken.picture.kind, together.warped, target)
+        given = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
+        eye, meaning, aim, joint, warping, written, showing = given
+        taken, sources = self._sources(eye, meaning, warping)
+        target = aim.camera_model(taken.camera, taken.shape, eye.convention)
+        joining = joining_of(taken, joint, unmixed=warping.unmixed)
+        warped = joined(Session(), sources, target, size[::-1], warping, joining).warped
+        plain = WriteOptions(written.bits, is_light=False)
+        picture = made_of(warped, taken.picture.kind, warping, showing.show)
+        return picture, plain if warping.unmixed else written.options(), warped, target
 
-    def _sources(self, request: _DepthRequest) -> tuple[Inputs, list[Prepared]]:
+    def _sources(
+        self, eye: SourceCamera, meaning: Depth, warping: DepthWarping
+    ) -> tuple[Inputs, list[Prepared]]:
         """Return the sources, read and prepared; cached while only the camera moves."""
-        eye, meaning, warping = request.eye, request.meaning, request.warping
         key = eye, meaning, warping.noise, warping.refine, warping.unmixed, warping.has_layer
         if self._ready is None or self._ready[0] != key:
             reader = DepthReader.checked(eye, meaning, labels=warping.unmixed)
@@ -222,11 +187,7 @@ def depth_view(
     begin: Sequence[Choices] = (),
     further: Sequence[str] = (),
 ) -> FileView:
-    """Return what pages show of a depth image.
-
-    `color`, `depth`: files, as the command takes them. `begin`: initial options. `further`: further
-    views, COLOR,DEPTH,POSE.
-    """
+    """Return what pages show of a depth image, by its files, options and further views."""
     first = DepthPainter(color, depth, further)
     settings = {"move": "0,0,0", **settings_of(begin)}
 
@@ -317,15 +278,14 @@ def picture(color: str | Path, depth: str | Path, settings: Mapping[str, Any]) -
     """
     given = dict(settings)
     painter = DepthPainter(str(color), str(depth), given.pop("view", ()))
-    (aim,) = (part for part in _checked(given) if isinstance(part, Aim))
-    size = aim.shape(painter.taken(given).shape)[::-1]
+    size = _checked(given)[2].shape(painter.taken(given).shape)[::-1]
     return image_of(painter, given, size)
 
 
-def _checked(settings: Settings) -> _DepthRequest:
+def _checked(settings: Settings) -> _Options:
     """Return the options, checked."""
-    request = _DepthRequest(*chosen(settings, SHOWN))
-    request.aim.check()
-    request.showing.check(unmixed=request.warping.unmixed)
-    request.warping.built()
-    return request
+    eye, meaning, aim, joint, warping, written, showing = chosen(settings, SHOWN)
+    aim.check()
+    showing.check(unmixed=warping.unmixed)
+    warping.built()
+    return eye, meaning, aim, joint, warping, written, showing

@@ -8,7 +8,6 @@ image of a camera that looks at its center, with positions for its pixels.
 """
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import rays_at, turn
 from resample.files.conversion import as_picture
-from resample.types import Doubles, Floats, Indices
+from resample.types import Floats
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.types import DepthImage
@@ -89,8 +88,18 @@ def faces(
         raise ValueError("the panorama has no depth at all; check its unit and its file")
     known = np.where(np.isfinite(far) & (far > 0), far, np.inf)
     pose = np.eye(4) if world_to_camera is None else np.asarray(world_to_camera, np.float64)
+    # Rows and columns of all faces, possibly beyond the edges, and rotations.
+    quarter = height // 4
+    around, blocks = np.arange(quarter - SHARED, height - quarter + SHARED), []
+    for side in range(SIDES):
+        first, last = (width // 2 + round((side + end) * width / SIDES) for end in (-0.5, 0.5))
+        ahead = turn(2.0 * math.pi * side / SIDES, 0.0)
+        blocks.append((around, np.arange(first - SHARED, last + SHARED), ahead))
+    whole, pole = np.arange(-1, width + 1), np.arange(quarter + SHARED)  # their ends overlap
+    blocks.append((pole, whole, turn(0.0, 0.5 * math.pi)))
+    blocks.append((height - 1 - pole[::-1], whole, turn(0.0, -0.5 * math.pi)))
     made = []
-    for rows, columns, turned in _blocks(height, width):
+    for rows, columns, turned in blocks:
         center = np.stack(np.broadcast_arrays(columns + 0.5, rows[:, None] + 0.5), axis=2)
         ray = rays_at(center, (height, width)) @ turned[:3, :3].T
         focal = width / (2.0 * math.pi)  # as many px per radian as the panorama has
@@ -100,17 +109,3 @@ def faces(
         place = focal * ray[..., :2] / ray[..., 2:]
         made.append((DepthImage(np.ascontiguousarray(color[block]), nearness, place), camera))
     return made
-
-
-def _blocks(height: int, width: int) -> Iterator[tuple[Indices, Indices, Doubles]]:
-    """Yield rows and columns of all faces, possibly beyond the edges, and rotations."""
-    quarter = height // 4
-    around = np.arange(quarter - SHARED, height - quarter + SHARED)
-    for side in range(SIDES):
-        first, last = (width // 2 + round((side + end) * width / SIDES) for end in (-0.5, 0.5))
-        columns = np.arange(first - SHARED, last + SHARED)
-        yield around, columns, turn(2.0 * math.pi * side / SIDES, 0.0)
-    whole = np.arange(-1, width + 1)  # its ends overlap
-    pole = np.arange(quarter + SHARED)
-    yield pole, whole, turn(0.0, 0.5 * math.pi)
-    yield height - 1 - pole[::-1], whole, turn(0.0, -0.5 * math.pi)

@@ -38,21 +38,6 @@ def _side(coverage: Floats, row: int, column: int, dr: int, dc: int) -> int:
 
 
 @kernel
-def _sides(coverage: Floats, row: int, column: int) -> tuple[int, int, int, int]:
-    """Rows and columns of the two sides of the narrowest gap around a pixel; −1: none."""
-    best, found = NARROW + 2, (-1, -1, -1, -1)
-    # Search along the row, the column and both diagonals.
-    for k in range(4):
-        dr, dc = (0, 1) if k == 0 else (1, 0) if k == 1 else (1, 1) if k == 2 else (1, -1)
-        ahead = _side(coverage, row, column, dr, dc)
-        back = _side(coverage, row, column, -dr, -dc)
-        if ahead and back and ahead + back < best:
-            best = ahead + back
-            found = row + ahead * dr, column + ahead * dc, row - back * dr, column - back * dc
-    return found
-
-
-@kernel
 def _extent(reach: Kinds, row: int, column: int) -> tuple[int, int]:
     """Row and column of the nearest full pixel that may extend to this one; −1: none."""
     # Search in growing distance, in the four directions along row and column.
@@ -70,8 +55,17 @@ def _bridge_pixel(
     row: int, column: int, new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
     """Fill one pixel of a gap or beside an outline; see `bridge_rows`."""
-    # Find both sides of a gap, or else a surface that may extend here.
-    r, k, s, m = _sides(coverage, row, column)
+    # Find both sides of the narrowest gap: along the row, the column and both diagonals.
+    best, r, k, s, m = NARROW + 2, -1, -1, -1, -1
+    for way in range(4):
+        dr, dc = (0, 1) if way == 0 else (1, 0) if way == 1 else (1, 1) if way == 2 else (1, -1)
+        ahead = _side(coverage, row, column, dr, dc)
+        back = _side(coverage, row, column, -dr, -dc)
+        if ahead and back and ahead + back < best:
+            best = ahead + back
+            r, k = row + ahead * dr, column + ahead * dc
+            s, m = row - back * dr, column - back * dc
+    # Or else a surface that may extend here.
     if r < 0:
         r, k = _extent(reach, row, column)
         s, m = r, k
@@ -95,17 +89,6 @@ def _bridge_pixel(
         bridged[row, column] = True
 
 
-@kernel
-def _reach_of_row(coverage: Floats, magnification: Floats, row: int, reach: Kinds) -> None:
-    """Write a row of extents; see `reach_of_rows`."""
-    for column in range(coverage.shape[1]):
-        # Larger cells leave the outline less certain, and may grow more.
-        grown = CELL_MARGIN * (math.sqrt(magnification[row, column]) - 1.0)
-        steps = 1 + int(max(0.0, min(grown, float(GROWN))))
-        is_full = coverage[row, column] >= FULL
-        reach[row + GROWN, column + GROWN] = steps if is_full else 0
-
-
 @parallel_kernel
 def reach_of_rows(counter: Counter, coverage: Floats, magnification: Floats, reach: Kinds) -> None:
     """Write how far pixels' surfaces may extend, px + 1; 0 where not full.
@@ -114,7 +97,12 @@ def reach_of_rows(counter: Counter, coverage: Floats, magnification: Floats, rea
     but a margin of `GROWN` is filled.
     """
     for row in tasks(counter, coverage.shape[0]):
-        _reach_of_row(coverage, magnification, row, reach)
+        for column in range(coverage.shape[1]):
+            # Larger cells leave the outline less certain, and may grow more.
+            grown = CELL_MARGIN * (math.sqrt(magnification[row, column]) - 1.0)
+            steps = 1 + int(max(0.0, min(grown, float(GROWN))))
+            is_full = coverage[row, column] >= FULL
+            reach[row + GROWN, column + GROWN] = steps if is_full else 0
 
 
 @kernel
@@ -145,29 +133,6 @@ def _find_reached(reach: Kinds, row: int, reached: Kinds) -> None:
             reached[np.uint64(column)] |= np.uint8(is_rim)
 
 
-@kernel
-def _bridge_row(
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
-    row: int, new_coverage: Floats, bridged: Flags,
-) -> None:  # fmt: skip
-    """Fill the gaps of a row; see `bridge_rows`."""
-    width = coverage.shape[1]
-    # Leave full rows alone: most are.
-    missing = 0
-    for column in range(width):
-        missing += int(coverage[row, column] < FULL)
-    if missing == 0:
-        return
-    # Test all pixels at once, then visit those marked.
-    reached = np.empty(width, np.uint8)
-    _find_reached(reach, row, reached)
-    for column in range(width):
-        if reached[column] and coverage[row, column] < FULL:
-            _bridge_pixel(
-                image, coverage, nearness, magnification, reach, row, column, new_coverage, bridged,
-            )  # fmt: skip
-
-
 @parallel_kernel
 def bridge_rows(
     counter: Counter, image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
@@ -181,10 +146,22 @@ def bridge_rows(
     color is filled in.
     """
     for row in tasks(counter, coverage.shape[0]):
-        _bridge_row(
-            image, coverage, nearness, magnification, reach, row, new_coverage,
-            bridged,
-        )  # fmt: skip
+        width = coverage.shape[1]
+        # Leave full rows alone: most are.
+        missing = 0
+        for column in range(width):
+            missing += int(coverage[row, column] < FULL)
+        if missing == 0:
+            continue
+        # Test all pixels at once, then visit those marked.
+        reached = np.empty(width, np.uint8)
+        _find_reached(reach, row, reached)
+        for column in range(width):
+            if reached[column] and coverage[row, column] < FULL:
+                _bridge_pixel(
+                    image, coverage, nearness, magnification, reach, row, column, new_coverage,
+                    bridged,
+                )  # fmt: skip
 
 
 @kernel
@@ -242,34 +219,6 @@ def _explain_hole(
         holes[row, column] = _reason(known, u, v)
 
 
-@kernel
-def _explain_row(
-    coverage: Floats, nearness: Floats, back: Equation, place: Doubles, known: Flags,
-    farthest: Floats, row: int, holes: Kinds,
-) -> None:  # fmt: skip
-    """Classify a row's holes, each as far as the farther of its two sides."""
-    width = coverage.shape[1]
-    holes[row, :] = 0
-    column = 0
-    while column < width:
-        # Skip pixels that show something.
-        if coverage[row, column] > 0:
-            column += 1
-            continue
-        # Find the end of the hole.
-        end = column
-        while end < width and not coverage[row, end] > 0:
-            end += 1
-        # Take the farther of both sides, or the row's own guess if there is none.
-        before = nearness[row, column - 1] if column > 0 else np.float32(np.inf)
-        after = nearness[row, end] if end < width else np.float32(np.inf)
-        near = float(min(before, after))
-        if not math.isfinite(near):
-            near = float(farthest[row])
-        _explain_hole(back, place, known, near, row, column, end, holes)
-        column = end
-
-
 @parallel_kernel
 def explain_holes(
     counter: Counter, coverage: Floats, nearness: Floats, back: Equation, place: Doubles,
@@ -283,30 +232,26 @@ def explain_holes(
     with values of `Hole`; 0 where something is.
     """
     for row in tasks(counter, coverage.shape[0]):
-        _explain_row(coverage, nearness, back, place, known, farthest, row, holes)
-
-
-@kernel
-def _sample_row(
-    nearness: Floats, back: Equation, place: Doubles, trust: Floats, row: int, found: Floats
-) -> None:
-    """Look up a row of confidences; see `sample_map`."""
-    height, width = trust.shape
-    for column in range(nearness.shape[1]):
-        found[row, column] = 0
-        # Skip empty pixels.
-        near = float(nearness[row, column])
-        if not near > 0.0:
-            continue
-        # Project the pixel back into the source; undo lens distortion.
-        u, v = back_projected(back, column + 0.5, row + 0.5, near)
-        if not (abs(u) < 1e6 and abs(v) < 1e6):
-            continue
-        if place.size > 0:
-            u, v = on_lattice(place, u, v)
-        # Read the nearest sample.
-        r, c = min(max(math.floor(v), 0), height - 1), min(max(math.floor(u), 0), width - 1)
-        found[row, column] = trust[r, c]
+        width = coverage.shape[1]
+        holes[row, :] = 0
+        column = 0
+        while column < width:
+            # Skip pixels that show something.
+            if coverage[row, column] > 0:
+                column += 1
+                continue
+            # Find the end of the hole.
+            end = column
+            while end < width and not coverage[row, end] > 0:
+                end += 1
+            # Take the farther of both sides, or the row's own guess if there is none.
+            before = nearness[row, column - 1] if column > 0 else np.float32(np.inf)
+            after = nearness[row, end] if end < width else np.float32(np.inf)
+            near = float(min(before, after))
+            if not math.isfinite(near):
+                near = float(farthest[row])
+            _explain_hole(back, place, known, near, row, column, end, holes)
+            column = end
 
 
 @parallel_kernel
@@ -320,4 +265,19 @@ def sample_map(
     `found`: (H, W) filled; 0 where nothing is.
     """
     for row in tasks(counter, nearness.shape[0]):
-        _sample_row(nearness, back, place, trust, row, found)
+        height, width = trust.shape
+        for column in range(nearness.shape[1]):
+            found[row, column] = 0
+            # Skip empty pixels.
+            near = float(nearness[row, column])
+            if not near > 0.0:
+                continue
+            # Project the pixel back into the source; undo lens distortion.
+            u, v = back_projected(back, column + 0.5, row + 0.5, near)
+            if not (abs(u) < 1e6 and abs(v) < 1e6):
+                continue
+            if place.size > 0:
+                u, v = on_lattice(place, u, v)
+            # Read the nearest sample.
+            r, c = min(max(math.floor(v), 0), height - 1), min(max(math.floor(u), 0), width - 1)
+            found[row, column] = trust[r, c]

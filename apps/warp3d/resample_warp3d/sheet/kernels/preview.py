@@ -8,7 +8,6 @@ from resample.engine.cells.bands import bands, overlapping, take, walk
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Floats, Single
-from resample_warp3d.sheet.kernels.fragments import NONE
 from resample_warp3d.sheet.kernels.layers import CellColors, LayerPicture
 from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, SheetScreen
 from resample_warp3d.sheet.kernels.segments import (
@@ -24,6 +23,7 @@ from resample_warp3d.sheet.kernels.segments import (
     FROM_ROW,
     HALF,
     NEAR,
+    NONE,
     NUMBERS,
     ONE,
     P_NEAR,
@@ -51,7 +51,7 @@ from resample_warp3d.sheet.kernels.segments import (
     X,
     Y,
 )
-from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP, Links
+from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP
 
 Corner = tuple[Single, Single, Single]
 
@@ -96,20 +96,6 @@ def _fill_slots(
         places[PIXEL + m] = pixel if is_over else NONE
 
 
-@inner_kernel
-def _keep_nearest(
-    begin: int, end: int, first: int, cells: SegmentCells, looks: NearestCells
-) -> None:
-    """Depth-test fragments and keep their cells, numbered from `first` on."""
-    (numbers, places), (front, owner) = cells, looks
-    for n in range(begin, end):
-        m = np.uint64(n)
-        pixel = places[PIXEL + m]
-        if pixel >= 0 and numbers[DEPTH + m] > front[np.uint64(pixel)]:
-            front[np.uint64(pixel)] = numbers[DEPTH + m]
-            owner[np.uint64(pixel)] = first + n
-
-
 @plays(take, NearestCells)
 def _take(
     looks: NearestCells,
@@ -120,24 +106,26 @@ def _take(
     cells: SegmentCells,
 ) -> None:
     """Find the nearest cells: depth-test a run, slot by slot."""
-    k, (numbers, places) = np.uint64(run), cells
+    k, (numbers, places), (front, owner) = np.uint64(run), cells, looks
     row, segment = divmod(member, strip.screen.bounds.shape[1])
     first = row * strip.screen.own.shape[1] + segment * SEGMENT
     begin, end = int(places[BEGIN + k]), int(places[END + k])
     for j in range(places[ROWS + k]):
         for i in range(places[COLUMNS + k]):
             _fill_slots(begin, end, i, j, strip.frame, numbers, places)
-            _keep_nearest(begin, end, first, cells, looks)
+            for n in range(begin, end):
+                m = np.uint64(n)
+                pixel = places[PIXEL + m]
+                if pixel >= 0 and numbers[DEPTH + m] > front[np.uint64(pixel)]:
+                    front[np.uint64(pixel)] = numbers[DEPTH + m]
+                    owner[np.uint64(pixel)] = first + n
 
 
 @inner_kernel
 def _corners_of(
     screen: Floats, torn: Floats, index: Indices, row: int, column: int
 ) -> tuple[Corner, Corner, Corner, Corner]:
-    """Corners of a cell, x, y and nearness.
-
-    Top left, top right, bottom left, bottom right.
-    """
+    """Corners of a cell, x, y and nearness: top left, top right, bottom left, bottom right."""
     # A torn cell has its own; the others share the lattice's.
     n = index[row, column]
     if n >= 0:
@@ -154,19 +142,6 @@ def _corners_of(
         (screen[0, below, column], screen[1, below, column], screen[2, below, column]),
         (screen[0, below, right], screen[1, below, right], screen[2, below, right]),
     )
-
-
-@inner_kernel
-def _slopes(
-    color: Floats, links: Links, group: int, c: int, row: int, column: int
-) -> tuple[Single, Single]:
-    """Change of a channel to the next column and row, on the sample's surface."""
-    bits, here = links[row, column], color[group, c, row, column]
-    right = color[group, c, row, column + 1] if bits & RIGHT else here
-    left = color[group, c, row, column - 1] if bits & LEFT else here
-    below = color[group, c, row + 1, column] if bits & DOWN else here
-    above = color[group, c, row - 1, column] if bits & UP else here
-    return HALF * (right - left), HALF * (below - above)
 
 
 @inner_kernel
@@ -203,8 +178,13 @@ def _resolve(
             row, column = row + MARGIN, column + MARGIN
             for channel in range(image.shape[2]):
                 group, c = channel // 3, channel % 3
-                slope_x, slope_y = _slopes(color, links, group, c, row, column)
-                image[y, x, channel] = color[group, c, row, column] + slope_x * u + slope_y * v
+                bits, here = links[row, column], color[group, c, row, column]
+                right = color[group, c, row, column + 1] if bits & RIGHT else here
+                left = color[group, c, row, column - 1] if bits & LEFT else here
+                below = color[group, c, row + 1, column] if bits & DOWN else here
+                above = color[group, c, row - 1, column] if bits & UP else here
+                slope_x, slope_y = HALF * (right - left), HALF * (below - above)
+                image[y, x, channel] = here + slope_x * u + slope_y * v
 
 
 @parallel_kernel
@@ -216,10 +196,7 @@ def fill_picture(
     like: BandFrame,
     picture: LayerPicture,
 ) -> None:
-    """Give each pixel the color of the nearest cell over its center.
-
-    Parameters are those of `layers.paint_layers`.
-    """
+    """Give each pixel the color of the nearest cell over its center, as `layers.paint_layers`."""
     bounds = screen.bounds.reshape((-1, 4))
     for first, last in bands(counter, like.last, band):
         strip = SheetStrip(screen, BandFrame(first, last, like.width, like.orientation, ONE, False))

@@ -54,22 +54,6 @@ def projected(
     )
 
 
-@kernel
-def _project_row(
-    vertex: Floats, place: Doubles, matrix: Doubles, epipole: Doubles, row: int, screen: Floats
-) -> None:
-    """Project a row of corners; see `project_vertices`."""
-    is_bent = place.size > 0
-    for column in range(vertex.shape[1]):
-        x, y = float(column), float(row)
-        # Undo lens distortion.
-        if is_bent:
-            x, y = place[row, column, 0], place[row, column, 1]
-        screen[0, row, column], screen[1, row, column], screen[2, row, column] = projected(
-            matrix, epipole, x, y, float(vertex[row, column])
-        )
-
-
 @parallel_kernel
 def project_vertices(
     counter: Counter,
@@ -87,19 +71,14 @@ def project_vertices(
     nothing.
     """
     for row in tasks(counter, vertex.shape[0]):
-        _project_row(vertex, place, matrix, epipole, row, screen)
-
-
-@kernel
-def _project_corners(
-    corner: Floats, matrix: Doubles, epipole: Doubles, block: int, screen: Floats
-) -> None:
-    """Project a block of torn cells; see `project_corners`."""
-    for n in range(block * BLOCK, min(corner.shape[0], (block + 1) * BLOCK)):
-        for k in range(4):
-            x, y, near = float(corner[n, k, 0]), float(corner[n, k, 1]), float(corner[n, k, 2])
-            screen[n, k, 0], screen[n, k, 1], screen[n, k, 2] = projected(
-                matrix, epipole, x, y, near
+        is_bent = place.size > 0
+        for column in range(vertex.shape[1]):
+            x, y = float(column), float(row)
+            # Undo lens distortion.
+            if is_bent:
+                x, y = place[row, column, 0], place[row, column, 1]
+            screen[0, row, column], screen[1, row, column], screen[2, row, column] = projected(
+                matrix, epipole, x, y, float(vertex[row, column])
             )
 
 
@@ -112,41 +91,12 @@ def project_corners(
     `screen` (N, 4, 3) is filled with x, y and nearness.
     """
     for block in tasks(counter, (corner.shape[0] + BLOCK - 1) // BLOCK):
-        _project_corners(corner, matrix, epipole, block, screen)
-
-
-@kernel
-def _bound_row(screen: Floats, torn: Floats, index: Indices, row: int, bounds: Indices) -> None:
-    """Bound the segments of a row; see `bound_segments`."""
-    for segment in range(bounds.shape[1]):
-        start, end = segment * SEGMENT, min(index.shape[1], (segment + 1) * SEGMENT)
-        left, top, right, bottom = OFF_SCREEN, OFF_SCREEN, -OFF_SCREEN, -OFF_SCREEN
-        # Use integers: their minima vectorize sixteen at once, which those of floats do not.
-        for r in range(row, row + 2):
-            for column in range(start, end + 1):
-                # Leave out corners that are nowhere on the screen.
-                is_there = screen[2, r, column] > 0
-                x, y = pixel_of(screen[0, r, column]), pixel_of(screen[1, r, column])
-                left, top = (
-                    min(left, x if is_there else OFF_SCREEN),
-                    min(top, y if is_there else OFF_SCREEN),
-                )
-                right = max(right, x if is_there else -OFF_SCREEN)
-                bottom = max(bottom, y if is_there else -OFF_SCREEN)
-        # Add torn cells, which are numbered along the row.
-        first, last = OFF_SCREEN, -OFF_SCREEN
-        for column in range(start, end):
-            n = index[row, column]
-            first, last = min(first, n if n >= 0 else OFF_SCREEN), max(last, n)
-        # Extend the bounds to their corners.
-        for n in range(first, last + 1):
+        for n in range(block * BLOCK, min(corner.shape[0], (block + 1) * BLOCK)):
             for k in range(4):
-                if torn[n, k, 2] > 0:
-                    x, y = pixel_of(torn[n, k, 0]), pixel_of(torn[n, k, 1])
-                    left, top = min(left, x), min(top, y)
-                    right, bottom = max(right, x), max(bottom, y)
-        bounds[row, segment, 0], bounds[row, segment, 1] = left, top
-        bounds[row, segment, 2], bounds[row, segment, 3] = right + 1, bottom + 1
+                x, y, near = float(corner[n, k, 0]), float(corner[n, k, 1]), float(corner[n, k, 2])
+                screen[n, k, 0], screen[n, k, 1], screen[n, k, 2] = projected(
+                    matrix, epipole, x, y, near
+                )
 
 
 @parallel_kernel
@@ -160,7 +110,35 @@ def bound_segments(
     and bottom, px, the last two one beyond; left > right for an empty segment.
     """
     for row in tasks(counter, index.shape[0]):
-        _bound_row(screen, torn, index, row, bounds)
+        for segment in range(bounds.shape[1]):
+            start, end = segment * SEGMENT, min(index.shape[1], (segment + 1) * SEGMENT)
+            left, top, right, bottom = OFF_SCREEN, OFF_SCREEN, -OFF_SCREEN, -OFF_SCREEN
+            # Use integers: their minima vectorize sixteen at once, which those of floats do not.
+            for r in range(row, row + 2):
+                for column in range(start, end + 1):
+                    # Leave out corners that are nowhere on the screen.
+                    is_there = screen[2, r, column] > 0
+                    x, y = pixel_of(screen[0, r, column]), pixel_of(screen[1, r, column])
+                    left, top = (
+                        min(left, x if is_there else OFF_SCREEN),
+                        min(top, y if is_there else OFF_SCREEN),
+                    )
+                    right = max(right, x if is_there else -OFF_SCREEN)
+                    bottom = max(bottom, y if is_there else -OFF_SCREEN)
+            # Add torn cells, which are numbered along the row.
+            first, last = OFF_SCREEN, -OFF_SCREEN
+            for column in range(start, end):
+                n = index[row, column]
+                first, last = min(first, n if n >= 0 else OFF_SCREEN), max(last, n)
+            # Extend the bounds to their corners.
+            for n in range(first, last + 1):
+                for k in range(4):
+                    if torn[n, k, 2] > 0:
+                        x, y = pixel_of(torn[n, k, 0]), pixel_of(torn[n, k, 1])
+                        left, top = min(left, x), min(top, y)
+                        right, bottom = max(right, x), max(bottom, y)
+            bounds[row, segment, 0], bounds[row, segment, 1] = left, top
+            bounds[row, segment, 2], bounds[row, segment, 3] = right + 1, bottom + 1
 
 
 def segment_count(width: int) -> int:

@@ -28,12 +28,12 @@ from resample.files.saving import tell_empty, write_picture
 from resample.files.sequences import FILMS, READ
 from resample.files.writing import check_targets, replacing
 from resample.messages import one_line
-from resample_warp3d.command.choices import Extras
-from resample_warp3d.command.filming.choices import Batch, FilmFormat, FilmInput
-from resample_warp3d.command.filming.depth_model import DepthModel
-from resample_warp3d.command.filming.films import FilmTarget, stereo_film
-from resample_warp3d.command.filming.footage import (
+from resample_warp3d.command.choices import Batch, Extras, FilmFormat, FilmInput
+from resample_warp3d.command.depths import names_folder
+from resample_warp3d.command.films import FilmTarget, stereo_film
+from resample_warp3d.command.footage import (
     WHOLE,
+    DepthModel,
     EstimatedSeries,
     Footage,
     files_in,
@@ -41,18 +41,15 @@ from resample_warp3d.command.filming.footage import (
 )
 from resample_warp3d.command.inputs import (
     DepthReader,
-    Inputs,
     check_order,
     inputs_of,
     read_views,
     rectified_of,
 )
-from resample_warp3d.command.layouts import marks_of
-from resample_warp3d.command.numbered import names_folder
 from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
 from resample_warp3d.command.rendering import check_memory, mention_holes, prepared
 from resample_warp3d.command.source import SourceCamera
-from resample_warp3d.command.stereo import StereoRendering
+from resample_warp3d.command.stereo import StereoRendering, marks_of
 from resample_warp3d.command.writing import check_extras, write_extras
 from resample_warp3d.depth.files import read_depth
 
@@ -65,16 +62,19 @@ SHOWN = 0x20000000  # of the picture that players without two eyes show
 
 
 def write_pair(path: Path, left: Picture, right: Picture, look: WriteOptions) -> None:
-    """Write the pictures of both eyes: MPO holds two JPEGs, JPS one, with the right one first.
+    """Write the pictures of both eyes: MPO holds two JPEGs, JPS one, with the right one first."""
+    from PIL import Image
 
-    Parameters
-    ----------
-    path
-        `.mpo` or `.jps`.
-    left, right
-        Pictures of one size; what is transparent is on a background, black by default.
-    """
-    both = [_image(picture, path, look) for picture in (left, right)]
+    both = []
+    for picture in (left, right):  # as screens show them, opaque
+        shown = as_srgb(picture)
+        if shown.kind.has_alpha:
+            shown = flattened(shown, look.background or (0.0, 0.0, 0.0))
+        if len(shown.kind.channels) not in (1, 3) or shown.about.number:
+            raise ValueError(f"{path}: neither gray nor RGB; .tif holds other channels and numbers")
+        shades = levels(shown.data, "uint8", has_alpha=False, is_light=look.is_light)
+        gray = shades[..., 0] if shades.shape[2] == 1 else shades
+        both.append(Image.fromarray(np.asarray(gray, np.uint8)))
     quality = {"quality": look.quality or QUALITY[".jpg"], "subsampling": 0}
     with replacing(path) as temporary:
         if path.suffix.lower() == ".mpo":
@@ -82,8 +82,6 @@ def write_pair(path: Path, left: Picture, right: Picture, look: WriteOptions) ->
             first.save(temporary, "MPO", save_all=True, append_images=[second], **quality)
             temporary.write_bytes(_typed(temporary.read_bytes()))
             return
-        from PIL import Image
-
         whole = Image.fromarray(np.hstack([np.asarray(each) for each in both[::-1]]))
         made = io.BytesIO()
         whole.save(made, "JPEG", **quality)
@@ -92,19 +90,6 @@ def write_pair(path: Path, left: Picture, right: Picture, look: WriteOptions) ->
         data = made.getvalue()
         after = 4 + int.from_bytes(data[4:6], "big")  # JFIF's segment comes first
         temporary.write_bytes(data[:after] + marker + data[after:])
-
-
-def _image(picture: Picture, path: Path, look: WriteOptions) -> Any:
-    """Return a picture as screens show it, opaque, as a Pillow image."""
-    from PIL import Image
-
-    shown = as_srgb(picture)
-    if shown.kind.has_alpha:
-        shown = flattened(shown, look.background or (0.0, 0.0, 0.0))
-    if len(shown.kind.channels) not in (1, 3) or shown.about.number:
-        raise ValueError(f"{path}: neither gray nor RGB; .tif holds other channels and numbers")
-    shades = levels(shown.data, "uint8", has_alpha=False, is_light=look.is_light)
-    return Image.fromarray(shades[..., 0] if shades.shape[2] == 1 else np.asarray(shades, np.uint8))
 
 
 def _typed(data: bytes) -> bytes:
@@ -226,7 +211,18 @@ class StereoJob:
             check_output(output, look)
         check_targets(output, extras.holes, extras.coverage)
         session = Session(is_quiet=self.is_quiet)
-        taken = self._read(names, reader)
+        color, depth = names
+        if depth is None:
+            assert self.model is not None
+            assert reader is not None
+            picture = read_picture(color)
+            (raw,) = self.model.estimate([picture])
+            taken = inputs_of(reader, picture, raw, (color, str(self.model.path)))
+        elif reader is None:
+            raw = read_depth(depth)
+            taken = rectified_of(read_picture(color), raw, (color, depth), self.disparity_scale)
+        else:
+            taken = read_views(reader, color, depth)
         eyes = stereo.eyes([taken], is_pair=reader is None)
         check_memory(taken.views, stereo.shape(taken), output)
         if suffix in PAIRS:
@@ -244,19 +240,6 @@ class StereoJob:
         if warped is not None:
             tell_empty(output, not warped.coverage.any())
             write_extras(extras, warped, None)
-
-    def _read(self, names: tuple[str, str | None], reader: DepthReader | None) -> Inputs:
-        color, depth = names
-        if depth is None:
-            assert self.model is not None
-            assert reader is not None
-            picture = read_picture(color)
-            (raw,) = self.model.estimate([picture])
-            return inputs_of(reader, picture, raw, (color, str(self.model.path)))
-        if reader is None:
-            raw = read_depth(depth)
-            return rectified_of(read_picture(color), raw, (color, depth), self.disparity_scale)
-        return read_views(reader, color, depth)
 
 
 def write_stereo(

@@ -1,4 +1,4 @@
-"""Films with depth: pictures and maps, read on demand and mostly forward."""
+"""Films with depth, read on demand and mostly forward, and networks in ONNX that estimate depth."""
 
 import glob
 import hashlib
@@ -13,16 +13,21 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.colors import to_srgb
 from resample.files.animations import check_rate
 from resample.files.formats import levels
 from resample.files.pictures import Picture, read_picture
 from resample.files.sequences import FILMS, READ, USUAL, Frames, frames_of
 from resample.files.writing import replacing
-from resample_warp3d.command.filming.depth_model import DepthModel
+from resample.messages import numbers_in
+from resample.types import Floats
+from resample_warp3d.command.choices import MEAN, SHORTER, SPREAD, Estimating
 from resample_warp3d.command.inputs import read_names
 from resample_warp3d.depth.encodings import Raw
 from resample_warp3d.depth.files import read_depth, read_depths
 
+SQUEEZED = 0.01  # difference of proportions below which a map is of its picture
+MULTIPLE = 14  # px of a network's patches, whose multiples sides are
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 STILLS = {*READ} - {*FILMS}  # suffixes of pictures
@@ -31,6 +36,123 @@ WHOLE = 0.0, math.inf  # s
 SURVEYED = 9  # pictures of a film by which the eyes and black bars are chosen, at most
 BLACK = 6.0 / 255.0 / 12.92  # light of black bars, at most
 THINNEST = 0.02  # share of a side that a bar at each end has, at least
+
+
+@dataclass(frozen=True, eq=False)
+class DepthModel:
+    """A network that estimates the depth of single pictures."""
+
+    choice: Estimating
+    session: Any  # of onnxruntime
+
+    def __post_init__(self) -> None:
+        form = self.session.get_inputs()[0].shape
+        if len(form) != 4 or (isinstance(form[1], int) and form[1] != 3):
+            raise ValueError(
+                f"{self.path} takes arrays {form}; a network of depth takes pictures (N, 3, H, W)"
+            )
+
+        mean, spread = self._levels
+        if mean.shape != (3,) or spread.shape != (3,) or not (spread > 0).all():
+            raise ValueError("--model-mean and --model-std are three numbers, the latter above 0")
+
+    @cached_property
+    def _levels(self) -> tuple[Floats, Floats]:
+        """Levels that the network takes for 0, and by which they are then divided."""
+        about = self.session.get_modelmeta().custom_metadata_map
+        return (
+            np.array(numbers_in("mean", self.choice.model_mean or about.get("mean", MEAN)), "f4"),
+            np.array(numbers_in("std", self.choice.model_std or about.get("std", SPREAD)), "f4"),
+        )
+
+    @property
+    def path(self) -> Path:
+        """File of the network."""
+        assert self.choice.depth_model is not None
+        return self.choice.depth_model
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of the file and the options."""
+        digest = hashlib.sha256(
+            self.choice.model_dump_json(exclude={"depth_model", "model_batch"}).encode()
+        )
+        with self.path.open("rb") as file:
+            digest.update(hashlib.file_digest(file, "sha256").digest())
+        return digest.hexdigest()
+
+    @property
+    def batch(self) -> int:
+        """Pictures at a time."""
+        given = self.session.get_inputs()[0].shape[0]
+        return given if isinstance(given, int) else self.choice.model_batch
+
+    def estimate(self, pictures: Sequence[Picture]) -> list[Raw]:
+        """Return the depth of pictures of one size, in the network's numbers and at its size."""
+        import cv2
+
+        (mean, spread), form, count = self._levels, self.session.get_inputs()[0], len(pictures)
+        about = self.session.get_modelmeta().custom_metadata_map
+        shorter = self.choice.model_size or int(about.get("size", SHORTER))
+        small = []  # at the network's size
+        for picture in pictures:
+            channels = slice(3) if picture.data.shape[2] > 2 else [0, 0, 0]
+            color = np.ascontiguousarray(picture.data[..., channels], np.float32)
+            height, width = color.shape[:2]
+            scale = shorter / min(height, width)
+            rows, columns = (
+                given
+                if isinstance(given, int)
+                else max(1, round(side * scale / MULTIPLE)) * MULTIPLE
+                for given, side in zip(form.shape[2:], (height, width), strict=True)
+            )
+            way = cv2.INTER_AREA if rows * columns < height * width else cv2.INTER_CUBIC
+            light = cv2.resize(color, (columns, rows), interpolation=way)
+            shown = np.asarray(to_srgb(np.clip(light, 0.0, 1.0)), np.float32)
+            small.append((shown - mean) / spread)
+        array = np.stack(small).transpose(0, 3, 1, 2)
+        if isinstance(form.shape[0], int) and form.shape[0] > count:
+            array = np.concatenate([array, np.repeat(array[-1:], form.shape[0] - count, axis=0)])
+        kind = np.float16 if form.type == "tensor(float16)" else np.float32
+        (made, *_) = self.session.run(None, {form.name: np.ascontiguousarray(array, kind)})
+        made = np.asarray(made, np.float32)
+        height, width = made.shape[-2:]
+        if made.size != len(array) * height * width:
+            raise ValueError(f"{self.path} gives arrays {made.shape}, not one map per picture")
+        maps = made.reshape(-1, height, width)[:count]
+        rows, columns = pictures[0].data.shape[:2]
+        size = round(height * columns / rows), height  # networks of one size squeeze pictures
+        if abs(size[0] / width - 1.0) < SQUEEZED:
+            return list(maps)
+        return [cv2.resize(each, size, interpolation=cv2.INTER_LINEAR) for each in maps]
+
+
+def opened(choice: Estimating, threads: int | None) -> DepthModel | None:
+    """Open a network, if there is one."""
+    if choice.depth_model is None:
+        given = ("model_size", "model_mean", "model_std")
+        for name in given:
+            if getattr(choice, name) is not None:
+                raise ValueError(f"--{name.replace('_', '-')} belongs to --depth-model")
+        return None
+    if not choice.depth_model.is_file():
+        raise FileNotFoundError(2, "No such file", str(choice.depth_model))
+    try:
+        import onnxruntime
+    except ImportError:
+        raise ValueError(
+            "--depth-model needs onnxruntime, which is not installed: "
+            "pip install 'hybrid-resample[depth]'"
+        ) from None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads or 0
+    options.log_severity_level = 3
+    try:
+        session = onnxruntime.InferenceSession(str(choice.depth_model), options)
+    except Exception as error:
+        text = str(error).partition("\n")[0]
+        raise ValueError(f"{choice.depth_model} is not a network that runs: {text}") from None
+    return DepthModel(choice, session)
 
 
 class FrameSeries(Protocol[T_co]):
@@ -181,7 +303,12 @@ class Footage:
 
     def names(self, n: int) -> tuple[str, str]:
         """Name of a picture and of its depth."""
-        return _name_of(self.pictures, n, self.color), _name_of(self.depths, n, self.depth)
+        both = (self.pictures, self.color), (self.depths, self.depth)
+        color, depth = (
+            str(series.files[n]) if isinstance(series, FileSeries) else name
+            for series, name in both
+        )
+        return color, depth
 
     @cached_property
     def fingerprint(self) -> str:
@@ -220,7 +347,12 @@ def footage_of(
 
     def opened() -> FrameSeries[Picture]:
         if files is None:
-            return DecodedSeries(taken, _as_stored if labels else lambda picture: picture)
+            if not labels:
+                return DecodedSeries(taken, lambda picture: picture)
+            by = np.float32(255.0)
+            return DecodedSeries(
+                taken, lambda p: p._replace(data=np.asarray(_levels_of(p) / by, np.float32))
+            )
         chosen = files[taken.first : taken.first + len(taken.seconds)]
         return FileSeries(chosen, read_names if labels else read_picture)
 
@@ -249,7 +381,7 @@ def footage_of(
 def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:
     grays = frames_of(Path(depth))
     if grays is not None:
-        return DecodedSeries(grays, _gray_levels)
+        return DecodedSeries(grays, lambda picture: _levels_of(picture, 1)[..., 0])
     files = files_in(depth, lambda _: True)
     if files:
         return FileSeries(files, read_depth)
@@ -266,10 +398,7 @@ def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:
 
 
 def files_in(name: str, is_wanted: Callable[[Path], bool]) -> list[Path] | None:
-    """Return the files of a folder or pattern, in the order of the numbers in their names.
-
-    Result: None if it is neither. Hidden files are left out.
-    """
+    """Return the files, but hidden ones, of a folder or pattern by the numbers in their names."""
     path = Path(name)
     if path.is_dir():
         found: Iterator[Path] = path.iterdir()
@@ -285,23 +414,6 @@ def files_in(name: str, is_wanted: Callable[[Path], bool]) -> list[Path] | None:
     )
 
 
-def _files_of(series: FrameSeries[object], name: str) -> list[Path]:
-    if isinstance(series, FileSeries):
-        return list(series.files)
-    path = Path(name)
-    return [path if path.is_file() else Path(name.rpartition(":")[0])]
-
-
-def _name_of(series: FrameSeries[object], n: int, name: str) -> str:
-    return str(series.files[n]) if isinstance(series, FileSeries) else name
-
-
-def _as_stored(picture: Picture) -> Picture:
-    """Return a picture of a film with its levels as they are stored, 0..1."""
-    stored = levels(picture.data, "uint8", has_alpha=False, is_light=True)
-    return picture._replace(data=np.asarray(stored / np.float32(255.0), np.float32))
-
-
-def _gray_levels(picture: Picture) -> Raw:
-    """Return the gray levels 0..255 (H, W) of a film's picture."""
-    return levels(picture.data[..., :1], "uint8", has_alpha=False, is_light=True)[..., 0]
+def _levels_of(picture: Picture, channels: int | None = None) -> Raw:
+    """Return the levels 0..255 of a film's picture as they are stored."""
+    return levels(picture.data[..., :channels], "uint8", has_alpha=False, is_light=True)
