@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from resample.calling import choice_meant
@@ -44,6 +45,8 @@ GROUPS = (
     "views",
     "warps",
 )
+
+OURS = {f"resample.{group}" for group in GROUPS}
 
 # Parts in further packages of this project: package, group, names.
 ELSEWHERE = {
@@ -178,9 +181,10 @@ def _installed(path: tuple[str, ...]) -> "EntryPoints":  # noqa: ARG001 - part o
     """Entry points of all groups, cached (5 ms) while `sys.path` stays the same."""
     from importlib import metadata
 
-    groups = (f"resample.{group}" for group in GROUPS)
-    found = metadata.entry_points()
-    return metadata.EntryPoints(entry for group in groups for entry in found.select(group=group))
+    every: Any = metadata.entry_points()
+    if isinstance(every, dict):  # Python 3.11: by group
+        every = chain.from_iterable(dict.values(every))
+    return metadata.EntryPoints(each for each in every if each.group in OURS)
 
 
 def _entries(group: str) -> "dict[str, EntryPoint]":

@@ -8,6 +8,7 @@ from contextvars import ContextVar
 from functools import cache, partial, wraps
 from itertools import pairwise
 from typing import Any, NamedTuple, ParamSpec, TypeVar
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ _kept: ContextVar[Memo | None] = ContextVar("kept", default=None)
 def memoizing(kept: Memo) -> Iterator[None]:
     """Enable memoization within a block.
 
-    Values must neither change nor be freed while results about them are kept.
+    Values must not change while results about them are kept.
     """
     token = _kept.set(kept)
     try:
@@ -48,13 +49,15 @@ def memoized(of: Callable[[Any], Any]) -> Callable[[Callable[Given, R]], Callabl
     def decorated(find: Callable[Given, R]) -> Callable[Given, R]:
         @wraps(find)
         def found(*args: Given.args, **kwargs: Given.kwargs) -> R:
-            first, *others = args
-            kept = memo_of(of(first))
-            key = (find, id(of(first)), *others, *sorted(kwargs.items()))
-            if key not in kept:
-                kept[key] = find(*args, **kwargs)
-            result: R = kept[key]
-            return result
+            values, others = of(args[0]), args[1:]
+            kept = memo_of(values)
+            key = (find, id(values), *others, *sorted(kwargs.items()))
+            is_of, result = kept.get(key, (lambda: None, None))
+            if is_of() is not values:  # new, or of others that were freed and had the same id
+                result = find(*args, **kwargs)
+                kept[key] = ref(values), result
+            known: R = result
+            return known
 
         return found
 
