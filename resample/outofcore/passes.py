@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from functools import cache, partial, wraps
 from itertools import pairwise
@@ -52,12 +52,13 @@ def memoized(of: Callable[[Any], Any]) -> Callable[[Callable[Given, R]], Callabl
             values, others = of(args[0]), args[1:]
             kept = memo_of(values)
             key = (find, id(values), *others, *sorted(kwargs.items()))
-            is_of, result = kept.get(key, (lambda: None, None))
-            if is_of() is not values:  # new, or of others that were freed and had the same id
-                result = find(*args, **kwargs)
+            if key in kept and kept[key][0]() is values:  # not others that had the same id
+                known: R = kept[key][1]
+                return known
+            result = find(*args, **kwargs)
+            with suppress(TypeError):  # lists have no weak references
                 kept[key] = ref(values), result
-            known: R = result
-            return known
+            return result
 
         return found
 
@@ -164,3 +165,17 @@ def threads_at_work() -> int:
     from resample.engine.jit import workers
 
     return min(MOST_THREADS, workers())
+
+
+def spans_within(start: NDArray[np.int64], most: int) -> Iterator[tuple[int, int]]:
+    """Yield spans of tiles that have at most so many members together, or single tiles.
+
+    `start` (T + 1,) is the number of members of all tiles before each.
+    """
+    tile, count = 0, len(start) - 1
+    while tile < count and start[tile] < start[-1]:
+        last = int(np.searchsorted(start, start[tile] + most, side="right")) - 1
+        last = min(max(last, tile + 1), count)
+        if start[last] > start[tile]:
+            yield tile, last
+        tile = last

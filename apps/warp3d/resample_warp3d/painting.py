@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
-from resample.cameras.panoramic import Equirectangular, check_panorama, rays_at, turn
-from resample.cameras.pixels import pixel_centers
+from resample.cameras.pixels import Equirectangular, check_panorama, pixel_centers, rays_at, turn
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
 from resample_warp3d.methods.filtering import filtered
