@@ -12,13 +12,12 @@ from typing import Any, Literal, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from resample.messages import check_threads, doubles_of
-from resample.painting.scenes.plans import check_size, pair_of
-from resample.painting.scenes.scene import check_samples
-from resample.painting.shaped.ellipsoids import Ellipsoids, check_ellipsoids
+from resample.messages import check_size, check_threads, doubles_of, pair_of
+from resample.painting.ellipsoids import Ellipsoids, check_ellipsoids
+from resample.painting.scenes import check_samples
 from resample.profiles.filters import Area, PixelFilter, profile_table
-from resample.profiles.named import plugin_of
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction, footprint_table
+from resample.registry import plugin_of
 from resample.showable import array_of
 from resample.types import Doubles, Floats, Samples
 

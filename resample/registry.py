@@ -16,10 +16,13 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from enum import StrEnum
+from functools import cache, lru_cache, wraps
+from itertools import chain
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from resample.calling import choice_meant
+from resample.messages import shortly
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints
@@ -44,6 +47,8 @@ GROUPS = (
     "views",
     "warps",
 )
+
+OURS = {f"resample.{group}" for group in GROUPS}
 
 # Parts in further packages of this project: package, group, names.
 ELSEWHERE = {
@@ -178,9 +183,10 @@ def _installed(path: tuple[str, ...]) -> "EntryPoints":  # noqa: ARG001 - part o
     """Entry points of all groups, cached (5 ms) while `sys.path` stays the same."""
     from importlib import metadata
 
-    groups = (f"resample.{group}" for group in GROUPS)
-    found = metadata.entry_points()
-    return metadata.EntryPoints(entry for group in groups for entry in found.select(group=group))
+    every: Any = metadata.entry_points()
+    if isinstance(every, dict):  # Python 3.11: by group
+        every = chain.from_iterable(dict.values(every))
+    return metadata.EntryPoints(each for each in every if each.group in OURS)
 
 
 def _entries(group: str) -> "dict[str, EntryPoint]":
@@ -266,3 +272,125 @@ def _value(key: str, text: str, default: Any) -> Any:
     if isinstance(default, int | float) and type(value) not in (int, float, type(default)):
         raise ValueError(f"{key} is a number, not {text!r}")
     return value
+
+
+R = TypeVar("R")
+
+
+def once(make: Callable[..., R]) -> Callable[..., R]:
+    """Memoize a function of a frozen dataclass, which cannot change, and of other keys.
+
+    Computing tables takes longer than painting a small picture. The results are read only. For
+    other objects, such as those of plugins that are not hashable, it is called each time.
+    """
+    kept = lru_cache(maxsize=64)(make)
+
+    @wraps(make)
+    def made(choice: Any, *others: Any) -> R:
+        parameters = getattr(type(choice), "__dataclass_params__", None)
+        if parameters is None or not parameters.frozen:
+            return make(choice, *others)
+        try:
+            hash(choice)
+        except TypeError:  # some field is not hashable
+            return make(choice, *others)
+        return kept(choice, *others)
+
+    return made
+
+
+T = TypeVar("T")
+E = TypeVar("E", bound=StrEnum)
+N = TypeVar("N", bound=str)
+# What an object of a group has; all but orders are called with distances, or places.
+MEMBER = {"orders": "summing", "projections": "check"}
+
+
+def plugin_of(group: str, given: Any, name: str = "") -> Any:
+    """Return a plugin's object, given as such or by its name with parameters.
+
+    Parameters
+    ----------
+    group
+        One of `registry.GROUPS`.
+    given
+        An object, or what `registry.build` takes.
+    name
+        Of the argument, for the error; "": the group's.
+
+    Raises
+    ------
+    LookupError, ValueError
+        As in `registry.build`; or the object is none of the group.
+    """
+    if isinstance(given, str):
+        return build(group, given)
+    if isinstance(given, type) or not hasattr(given, MEMBER.get(group, "radius")):
+        known = ", ".join(names(group))
+        raise ValueError(f"{name or group[:-1]} {shortly(given)}; known {group}: {known}")
+    return given
+
+
+class _Held(Generic[T]):
+    """Field of a frozen dataclass that holds an object, and is set by what stands for one."""
+
+    default: T
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, choices: object, owner: type | None = None) -> T:
+        """Return the object; of the class, the default."""
+        return self.default if choices is None else cast(T, vars(choices)[self.name])
+
+    def _is_default(self, given: object) -> bool:
+        return given is None and self.default is None
+
+
+class ByName(_Held[T]):
+    """Field of a frozen dataclass that holds an object, and may be set by a plugin's name.
+
+    Examples
+    --------
+    >>> from resample import Resampler
+    >>> Resampler(order="every-sample:thickness=2").order
+    EverySample(thickness=2, key='depth')
+    """
+
+    def __init__(self, group: str, default: T) -> None:
+        self.group, self.default = group, default
+
+    def __set__(self, choices: object, given: T | str) -> None:
+        found = None if self._is_default(given) else plugin_of(self.group, given, self.name)
+        vars(choices)[self.name] = found
+
+
+class OneOf(_Held[T], Generic[T, N]):
+    """Field of a frozen dataclass that holds an enumeration's member, and may be set by its text.
+
+    Examples
+    --------
+    >>> from resample import Resampler
+    >>> Resampler(opacity="linear").opacity
+    <Opacity.LINEAR: 'linear'>
+    """
+
+    def __init__(self, kind: type[StrEnum], default: T) -> None:
+        self.kind, self.default = kind, default
+
+    def __set__(self, choices: object, given: T | N) -> None:
+        found = None if self._is_default(given) else member_of(self.kind, given, self.name)
+        vars(choices)[self.name] = found
+
+
+def member_of(kind: type[E], given: Any, name: str) -> E:
+    """Return a member of an enumeration, given as such or as its text.
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
+    if not isinstance(given, str) or given not in list(kind):
+        raise ValueError(f"{name} {shortly(given)}; known: {', '.join(kind)}")
+    return kind(given)

@@ -5,11 +5,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.cameras.models import AnyCamera
+from resample.messages import check_call, check_size
 from resample.painting.choices import (
     MEASURING,
     SUMS,
@@ -19,8 +21,7 @@ from resample.painting.choices import (
     number_of,
     technique_of,
 )
-from resample.painting.scenes.plans import check_call, check_size
-from resample.painting.scenes.scene import (
+from resample.painting.scenes import (
     PaintTarget,
     PreparedScene,
     check_samples,
@@ -28,13 +29,6 @@ from resample.painting.scenes.scene import (
     kernel_field,
     nothing_painted,
     planes_of,
-)
-from resample.painting.shaped.ellipsoids import (
-    Ellipsoids,
-    ShapedOrder,
-    ShapedStyle,
-    frame_of,
-    paint_ellipsoids,
 )
 from resample.profiles.filters import Box, filter_table
 from resample.profiles.orders import EverySample, Rays, layers_of
@@ -53,6 +47,9 @@ from resample.types import (
     Tables,
     View,
 )
+
+if TYPE_CHECKING:
+    from resample.painting.ellipsoids import Ellipsoids, ShapedOrder
 
 
 class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose what names become
@@ -110,7 +107,7 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
 
     def __call__(
         self,
-        samples: Samples | LatticeField | list[LatticeField] | Ellipsoids,
+        samples: "Samples | LatticeField | list[LatticeField] | Ellipsoids",
         camera: AnyCamera,
         *,
         height: int,
@@ -147,11 +144,14 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
             have a scale each.
         """
         check_call(camera, height, width, threads)
-        if isinstance(samples, Ellipsoids):
-            with limited(threads):
-                size = (height, width)
-                style = ShapedStyle(order_of_shapes(self, clip), self.subpixels)
-                return frame_of(paint_ellipsoids(samples, camera, size, style, progress=progress))
+        if not isinstance(samples, Samples | LatticeField | list):
+            from resample.painting import ellipsoids as shaped
+
+            if isinstance(samples, shaped.Ellipsoids):
+                style = shaped.ShapedStyle(order_of_shapes(self, clip), self.subpixels)
+                with limited(threads):
+                    shapes = (samples, camera, (height, width), style)
+                    return shaped.frame_of(shaped.paint_ellipsoids(*shapes, progress=progress))
         check_sort_of(self, samples)
         if isinstance(samples, LatticeField | list):
             fields = samples if isinstance(samples, list) else [samples]
@@ -323,7 +323,7 @@ def style_of(choice: PaintChoices, lattice: Doubles, look: Classifier | None) ->
     )
 
 
-def order_of_shapes(choice: PaintChoices, clip: ArrayLike | None) -> ShapedOrder:
+def order_of_shapes(choice: PaintChoices, clip: ArrayLike | None) -> "ShapedOrder":
     """Order of ellipsoids that choices stand for; refuse choices that ellipsoids do not have."""
     usual = replace(choice, order=EverySample(), subpixels=None) == type(choice)()
     if not usual or clip is not None:
@@ -331,6 +331,8 @@ def order_of_shapes(choice: PaintChoices, clip: ArrayLike | None) -> ShapedOrder
             "samples with a shape each take an order by depth, by distance or along rays, and"
             " sub-pixels; leave other choices and clipping planes out"
         )
+    from resample.painting.ellipsoids import ShapedOrder
+
     if isinstance(choice.order, Rays):
         return ShapedOrder.RAYS
     if not isinstance(choice.order, EverySample):

@@ -572,7 +572,7 @@ class PictureFormat(Choices):
 
         Raises ValueError: it is not one or two positive integers, or exceeds the largest picture.
         """
-        from resample.painting.scenes.plans import check_size
+        from resample.messages import check_size
 
         match = re.fullmatch(r"(\d{1,9})(?:[xX](\d{1,9}))?", self.size.strip(), re.ASCII)
         if match is None:

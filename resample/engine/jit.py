@@ -1,4 +1,4 @@
-"""Decorators of kernels, and the threads that run them.
+"""Decorators of kernels and their roles, and the threads that run them.
 
 A kernel is a function of arrays and numbers that runs as machine code. Who writes one writes plain
 numba code. Where the machine code comes from is settled at the first call with arguments of new
@@ -261,3 +261,55 @@ def threads(count: int | None) -> Iterator[None]:
         yield
     finally:
         _limit.reset(token)
+
+
+# Roles are functions that loops of the engine call. The body is chosen while a kernel is compiled,
+# by the class of the first argument: a bundle that the application made, or None.
+Body = Callable[..., Any]
+
+
+def role(function: Callable[P, R]) -> Callable[P, R]:
+    """A function that does what is played (`plays`) by the class of its first argument.
+
+    It becomes a part of the `inner_kernel` that calls it, and likewise makes and gives no arrays.
+    """
+    return _cast(function, inline="always")
+
+
+def called_role(function: Callable[P, R]) -> Callable[P, R]:
+    """A role that is called, as it is too long to become a part of a loop that plays it twice."""
+    return _cast(function, inline="never", _nrt=False)
+
+
+def making_role(function: Callable[P, R]) -> Callable[P, R]:
+    """A role that may make arrays."""
+    return _cast(function, inline="never")
+
+
+def lane_role(function: Callable[P, R]) -> Callable[P, R]:
+    """A role that is a part of loops of lanes, as a `lane_step` is."""
+    return _cast(function, inline="never", fastmath=LANES, forceinline=True)
+
+
+def _cast(function: Callable[P, R], inline: str, **own: Any) -> Callable[P, R]:
+    bodies: dict[type, Body] = {}
+
+    @wraps(function)
+    def play(*given: P.args, **named: P.kwargs) -> R:
+        body = bodies.get(type(given[0])) or bodies[object]
+        return body(*given, **named)  # type: ignore[no-any-return]
+
+    when_compiling(lambda: compiler().define_role(play, bodies, inline, own))
+    play.bodies = bodies  # type: ignore[attr-defined]
+    play.options = {**own, "inline": inline}  # type: ignore[attr-defined]
+    return play
+
+
+def plays(what: Callable[..., R], of: type) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorator of what a role does for bundles of the class `of`; `object` is all others."""
+
+    def register(body: Callable[P, R]) -> Callable[P, R]:
+        what.bodies[of] = body  # type: ignore[attr-defined]
+        return body
+
+    return register

@@ -6,8 +6,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.roles import called_role, making_role, plays
+from resample.engine.jit import (
+    Counter,
+    called_role,
+    kernel,
+    making_role,
+    parallel_kernel,
+    plays,
+    tasks,
+)
 from resample.types import Doubles, Floats, Single, Tiles
 
 RIM = 11.0  # 3.3 standard deviations; 0.4 % of a Gaussian's mass lies beyond

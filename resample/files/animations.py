@@ -30,7 +30,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.console import Progress, say
-from resample.files.films import check_codecs, film_picture, new_film, new_stream
 from resample.files.saving import tell_empty
 from resample.files.writing import (
     check_targets,
@@ -72,6 +71,8 @@ def check_film(path: Path, fps: float) -> None:
     if not path.suffix and path.exists() and not path.is_dir():
         raise OSError(f"{path} is not a folder")
     if path.suffix.lower() == ".mp4" and not path.is_dir():
+        from resample.files.films import check_codecs
+
         check_codecs(path)
     check_rate(fps)
     check_targets(path / FACTS if path.is_dir() else path)
@@ -302,12 +303,14 @@ def _write_animated(path: Path, frames: list[Path], fps: float) -> None:
 def _write_film(path: Path, frames: list[Path], fps: float) -> None:
     from PIL import Image
 
+    from resample.files import films
+
     with Image.open(frames[0]) as first:
         size = first.height, first.width
-    with new_film(path) as film:
-        stream = new_stream(film, fps, size)
+    with films.new_film(path) as film:
+        stream = films.new_stream(film, fps, size)
         for image in Stored(frames, "RGB"):
-            film.mux(stream.encode(film_picture(np.asarray(image), stream)))
+            film.mux(stream.encode(films.film_picture(np.asarray(image), stream)))
         film.mux(stream.encode(None))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.console import say
+from resample.files.formats import FORMATS
 from resample.files.writing import check_end, refused
 from resample.reading.limits import check_unpacked
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 CODECS = {"h264": "libx264", "hevc": "libx265", "av1": "libsvtav1"}
 PRESETS = {"h264": "medium", "hevc": "medium", "av1": "8"}
-FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}
 CHOICES = {"movflags": "faststart"}
 # Formats that contain the film itself: playlists may refer to any file.
 CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo"

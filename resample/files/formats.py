@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from resample.colors import to_srgb
 from resample.console import Color, say
-from resample.files.films import FORMATS
 from resample.files.metadata.colors import converted
 from resample.files.metadata.fields import AS_FLOATS, JPEG, PROFILE_SPACES, TIFF, FileMetadata
 from resample.files.pictures import Kind, Picture
 from resample.files.stores import STORE, store_format
 from resample.types import Floats
 
+FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}  # of films
 SUFFIXES = (".png", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")
 BY_PILLOW = {".webp": "webp", ".avif": "avif"}  # its names of what it is built with
 QUALITY = {".jpg": 95, ".jpeg": 95, ".webp": 90, ".avif": 85}  # unless given

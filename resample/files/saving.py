@@ -299,7 +299,9 @@ def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
             # "data" states no space, as a source of light that states none.
             is_found = page.options.is_light and not (page.about.number or page.about.says_linear)
             unlit = "data" if is_found else "lin_rec709_scene"
-            spec.attribute("oiio:ColorSpace", "sRGB" if page.is_light else unlit)
+            # A PNG is sRGB unless told otherwise; to look the name up takes 30 ms.
+            if suffix != ".png" or not page.is_light:
+                spec.attribute("oiio:ColorSpace", "sRGB" if page.is_light else unlit)
     if suffix in TIFF and (not is_whole or has_profile or not page.is_light):
         # OpenImageIO 3.1 cannot write an empty Exif directory.
         spec.attribute("Exif:ColorSpace", UNCALIBRATED)

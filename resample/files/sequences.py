@@ -20,7 +20,6 @@ from resample.colors import from_srgb
 from resample.console import say, say_of
 from resample.files.animations import FACTS, Stored, alone, check_same, facts_of
 from resample.files.films import (
-    FORMATS,
     FRAME_BYTES,
     PLAIN,
     FilmCoding,
@@ -34,6 +33,7 @@ from resample.files.films import (
     other_tracks,
 )
 from resample.files.formats import (
+    FORMATS,
     SUFFIXES,
     WriteOptions,
     as_srgb,
@@ -493,7 +493,7 @@ def write_in_parts(
 ) -> None:
     """Write a film; after an interruption its finished parts are kept in a hidden folder.
 
-    `path`: target with a suffix of `resample.files.films.FORMATS`. `pictures`: function that gives
+    `path`: target with a suffix of `formats.FORMATS`. `pictures`: function that gives
     the pictures from a number on. `film`: display times, and the file whose sound and subtitles are
     copied. `job`: JSON values; films of equal jobs are equal. `resume`: continue with the parts of
     an earlier run; None: keep none after an error. Raises ValueError: the existing parts belong to

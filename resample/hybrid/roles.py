@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from resample.engine.roles import role
+from resample.engine.jit import role
 from resample.types import Record, Single
 
 Blend = Any  # one of `WeightedSum`, `NearestSurface`, `OverBlend`

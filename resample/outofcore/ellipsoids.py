@@ -5,7 +5,7 @@ than the budget, windows of the picture are painted one after the other.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.engine.shaped.records import WIDTH
-from resample.painting.scenes.plans import Window, check_size
-from resample.painting.scenes.scene import Clock
-from resample.painting.shaped.ellipsoids import (
+from resample.messages import Window, check_size
+from resample.painting.ellipsoids import (
     EllipsoidSource,
     HeldRecords,
     ShapedPicture,
@@ -24,6 +23,7 @@ from resample.painting.shaped.ellipsoids import (
     empty_canvas,
     in_window,
 )
+from resample.painting.scenes import Clock
 from resample.progress import Progress
 from resample.types import Floats, Statistics
 
@@ -142,17 +142,3 @@ def split_windows(
             middle = y0 + rows // 2 * tile
             waiting += [(x0, y0, x1, middle), (x0, middle, x1, y1)]
     return found
-
-
-def spans_within(start: NDArray[np.int64], most: int) -> Iterator[tuple[int, int]]:
-    """Yield spans of tiles that have at most so many members together, or single tiles.
-
-    `start` (T + 1,) is the number of members of all tiles before each.
-    """
-    tile, count = 0, len(start) - 1
-    while tile < count and start[tile] < start[-1]:
-        last = int(np.searchsorted(start, start[tile] + most, side="right")) - 1
-        last = min(max(last, tile + 1), count)
-        if start[last] > start[tile]:
-            yield tile, last
-        tile = last

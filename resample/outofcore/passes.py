@@ -3,11 +3,12 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from functools import cache, partial, wraps
 from itertools import pairwise
 from typing import Any, NamedTuple, ParamSpec, TypeVar
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ _kept: ContextVar[Memo | None] = ContextVar("kept", default=None)
 def memoizing(kept: Memo) -> Iterator[None]:
     """Enable memoization within a block.
 
-    Values must neither change nor be freed while results about them are kept.
+    Values must not change while results about them are kept.
     """
     token = _kept.set(kept)
     try:
@@ -48,12 +49,15 @@ def memoized(of: Callable[[Any], Any]) -> Callable[[Callable[Given, R]], Callabl
     def decorated(find: Callable[Given, R]) -> Callable[Given, R]:
         @wraps(find)
         def found(*args: Given.args, **kwargs: Given.kwargs) -> R:
-            first, *others = args
-            kept = memo_of(of(first))
-            key = (find, id(of(first)), *others, *sorted(kwargs.items()))
-            if key not in kept:
-                kept[key] = find(*args, **kwargs)
-            result: R = kept[key]
+            values, others = of(args[0]), args[1:]
+            kept = memo_of(values)
+            key = (find, id(values), *others, *sorted(kwargs.items()))
+            if key in kept and kept[key][0]() is values:  # not others that had the same id
+                known: R = kept[key][1]
+                return known
+            result = find(*args, **kwargs)
+            with suppress(TypeError):  # lists have no weak references
+                kept[key] = ref(values), result
             return result
 
         return found
@@ -161,3 +165,17 @@ def threads_at_work() -> int:
     from resample.engine.jit import workers
 
     return min(MOST_THREADS, workers())
+
+
+def spans_within(start: NDArray[np.int64], most: int) -> Iterator[tuple[int, int]]:
+    """Yield spans of tiles that have at most so many members together, or single tiles.
+
+    `start` (T + 1,) is the number of members of all tiles before each.
+    """
+    tile, count = 0, len(start) - 1
+    while tile < count and start[tile] < start[-1]:
+        last = int(np.searchsorted(start, start[tile] + most, side="right")) - 1
+        last = min(max(last, tile + 1), count)
+        if start[last] > start[tile]:
+            yield tile, last
+        tile = last

@@ -12,13 +12,13 @@ import numpy as np
 from resample import registry
 from resample.messages import check_numbers, shortly
 from resample.profiles.filters import Gaussian, PixelFilter
-from resample.profiles.named import ByName, OneOf
 from resample.profiles.orders import CompositingOrder, EverySample, Summing
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
+from resample.registry import ByName, OneOf
 from resample.types import LatticeField, Samples
 
 if TYPE_CHECKING:
-    from resample.painting.scenes.scene import SamplePainter
+    from resample.painting.scenes import SamplePainter
 
 PAPER_FILTER = Gaussian(0.4, 1.2, lowered=True)  # see `resample.hybrid.points`
 POINT_FILTER = Gaussian(1.0, 3.0, lowered=True)  # likewise, in widths of a point

@@ -17,13 +17,13 @@ from resample.hybrid.points import LEAST_RADIUS
 from resample.hybrid.record import RECORD, SPLAT, depth_order
 from resample.hybrid.splats import LookupTables
 from resample.hybrid.voxels import OrderedVoxels, place_voxels
-from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, spacing_of
+from resample.painting.scenes import Clock, PaintTarget, PreparedScene, spacing_of
 from resample.profiles.filters import Box, PixelFilter
-from resample.profiles.named import once
 from resample.profiles.orders import sheets_of
 from resample.profiles.reconstruction import Reconstruction, variance
 from resample.profiles.subpixels import painted_on_subpixels, subpixels_of
 from resample.progress import Progress, told
+from resample.registry import once
 from resample.types import Film, Floats, Records, Samples, Stage, Statistics, View
 
 FINEST = 8  # sub-pixels per side of a pixel, at most, unless more are asked for

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.memory.mapped import array_like
-from resample.painting.scenes.scene import (
+from resample.painting.scenes import (
     Clock,
     PaintTarget,
     ellipsoid_of,

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, along, spacing_of
-from resample.painting.shaped.ellipsoids import (
+from resample.painting.ellipsoids import (
     Ellipsoids,
     ShapedOrder,
     ShapedScene,
@@ -21,11 +20,12 @@ from resample.painting.shaped.ellipsoids import (
     empty_canvas,
     listed,
 )
+from resample.painting.scenes import Clock, PaintTarget, PreparedScene, along, spacing_of
 from resample.profiles.filters import PixelFilter
-from resample.profiles.named import once
 from resample.profiles.reconstruction import Reconstruction, footprint_table, variance
 from resample.profiles.subpixels import painted_on_subpixels, subpixels_of
 from resample.progress import Progress
+from resample.registry import once
 from resample.types import Doubles, Film, Floats, Samples, Statistics, View
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import ClassVar, Protocol, cast
 import numpy as np
 
 from resample.messages import number
-from resample.profiles.named import once
+from resample.registry import once
 from resample.types import Doubles, Floats, RadialTable
 
 PROFILE_ERROR = 1e-5  # of the peak

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.messages import number
-from resample.profiles.named import once
+from resample.registry import once
 from resample.types import Doubles, Floats
 
 if TYPE_CHECKING:

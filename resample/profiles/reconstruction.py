@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from resample.messages import number
-from resample.profiles.named import once
+from resample.registry import once
 from resample.types import Doubles, Floats, Pieces, Profile, RadialTable
 
 STEPS = 1024  # linear interpolation in 1024 steps errs by under 3e-6 of the peak

@@ -11,14 +11,11 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from resample import registry
 from resample.reading.limits import NotOwnError, neighbour, own_bytes, tell_unused
 from resample.reading.texts import json_of
-
-if TYPE_CHECKING:
-    from resample.samples.writing import DefaultOptions
 
 PREFIX = "sample:"
 VIEW = "--view"  # option for pictures with depth and pose
@@ -28,12 +25,27 @@ OWN_FOLDER = "FOLDER/"  # stands for the folder of a sample in the options that 
 PICTURES = ("--texture", "--truth", "--reference", "-R")  # options that take one file
 
 
+class DefaultOptions(NamedTuple):
+    """Default options that a sample adds to a command."""
+
+    commands: Sequence[str]  # commands that have these options
+    words: Sequence[str]  # `FOLDER/` stands for the folder of the files
+    unless: Sequence[str]  # prefixes of options that replace these
+
+
+class SampleFiles(NamedTuple):
+    """Files and options that replace a sample on a command line."""
+
+    files: Sequence[str]  # names in the folder; the first represents all
+    options: Sequence[DefaultOptions] = ()
+
+
 class CachedSample(NamedTuple):
     """Files of a sample."""
 
     folder: Path
     files: list[Path]
-    options: "list[DefaultOptions]"
+    options: list[DefaultOptions]
 
 
 def sample(spec: str) -> Any:
@@ -135,8 +147,6 @@ def _make(target: Path, spec: str, name: str) -> None:
 
 def _read(target: Path) -> CachedSample:
     """Read the list of a sample's files, and what it adds to commands."""
-    from resample.samples.writing import DefaultOptions
-
     path = target / CONTENTS
     text = own_bytes(path, "tree").decode()
     try:

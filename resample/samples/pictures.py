@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.samples.writing import DefaultOptions, SampleFiles, write_png
+from resample.samples.finding import DefaultOptions, SampleFiles
 from resample.types import Doubles
 
 Levels = NDArray[np.uint8]
@@ -73,6 +73,8 @@ class Photo(NamedTuple):
     corners: tuple[tuple[float, float], ...]  # x, y in px, clockwise from the top left
 
     def stored(self, folder: Path, name: str) -> SampleFiles:
+        from resample.samples.writing import write_png
+
         write_png(folder / f"{name}.png", self.color)
         corners = " ".join(f"{x:g},{y:g}" for x, y in self.corners)
         options = DefaultOptions(["rectify"], ["--corners", corners], ["--corners", "--settings"])

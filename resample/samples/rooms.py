@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.samples.finding import DefaultOptions, SampleFiles
 from resample.samples.pictures import grain, rough
-from resample.samples.writing import DefaultOptions, SampleFiles, write_npy, write_png
 from resample.types import Doubles, Floats
 
 FOV = 60.0  # degrees along the shorter side
@@ -37,6 +37,8 @@ class DepthPicture(NamedTuple):
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the camera: right, down, forward
 
     def stored(self, folder: Path, name: str) -> SampleFiles:
+        from resample.samples.writing import write_npy, write_png
+
         write_png(folder / f"{name}.png", self.color)
         write_npy(folder / f"{name}.npy", self.depth)
         # Camera in the form of NeRF's transforms.json.

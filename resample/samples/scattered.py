@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from resample.samples.finding import SampleFiles
 from resample.samples.shapes import knot_points
-from resample.samples.writing import SampleFiles, write_ply
+from resample.samples.writing import write_ply
 from resample.types import Doubles
 
 TUBE = 108.3  # area of the knotted tube, scene units²

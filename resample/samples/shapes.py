@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.samples.finding import SampleFiles
 from resample.samples.pictures import mixed
-from resample.samples.writing import SampleFiles, write_obj, write_ply
 from resample.types import Doubles
 
 
@@ -21,6 +21,8 @@ class MeshSample(NamedTuple):
     texture: NDArray[np.uint8]  # (H, W, 3) sRGB
 
     def stored(self, folder: Path, name: str) -> SampleFiles:
+        from resample.samples.writing import write_obj
+
         write_obj(folder / f"{name}.obj", self)
         return SampleFiles([f"{name}.obj"])
 
@@ -36,6 +38,8 @@ class PointSample(NamedTuple):
         parts = np.hstack([self.position, self.normal]).astype(np.float32)
         columns = dict(zip(("x", "y", "z", "nx", "ny", "nz"), parts.T, strict=True))
         colors = dict(zip(("red", "green", "blue"), self.color.T, strict=True))
+        from resample.samples.writing import write_ply
+
         write_ply(folder / f"{name}.ply", columns | colors)
         return SampleFiles([f"{name}.ply"])
 

@@ -2,28 +2,15 @@
 
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-
-class DefaultOptions(NamedTuple):
-    """Default options that a sample adds to a command."""
-
-    commands: Sequence[str]  # commands that have these options
-    words: Sequence[str]  # `FOLDER/` stands for the folder of the files
-    unless: Sequence[str]  # prefixes of options that replace these
-
-
-class SampleFiles(NamedTuple):
-    """Files and options that replace a sample on a command line."""
-
-    files: Sequence[str]  # names in the folder; the first represents all
-    options: Sequence[DefaultOptions] = ()
+from resample.samples.finding import SampleFiles
 
 
 @runtime_checkable

@@ -4,7 +4,7 @@ import pytest
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at, orbit
 from resample.cameras.viewpoints import Orbit
-from resample.painting.scenes.scene import nothing_painted
+from resample.painting.scenes import nothing_painted
 from resample.resampler import Resampler
 from resample.types import Samples
 

@@ -54,7 +54,7 @@ def made(factor):
 doubled, tripled = made(2), made(3)
 """,
     "edited/roles.py": '''
-from resample.engine.roles import called_role, role
+from resample.engine.jit import called_role, role
 @called_role
 def part(bundle, number):
     """What is played."""
@@ -63,7 +63,7 @@ def part(bundle, number):
     "edited/players.py": """
 from edited.bundles import Bundle, Inner
 from edited.roles import part
-from resample.engine.roles import plays
+from resample.engine.jit import plays
 SHARE = 0.5
 @plays(part, Bundle)
 def _bundles(bundle, number):

@@ -14,7 +14,7 @@ import resample_warp3d as warp3d
 from resample import Camera, Footprint, Opacity, Primitive, Resampler, Scatter, registry
 from resample.cameras.models import LensModel
 from resample.painting.choices import FootprintName, Projection, ProjectionName
-from resample.painting.shaped.ellipsoids import ShapedOrder
+from resample.painting.ellipsoids import ShapedOrder
 from resample.profiles.filters import Box, Gaussian, Mitchell, Tent
 from resample.profiles.interpolation import (
     Bilinear,

@@ -7,8 +7,7 @@ import pytest
 
 from resample import Camera
 from resample.outofcore.bricks import BrickArray
-from resample.outofcore.ellipsoids import spans_within
-from resample.outofcore.passes import PassContext, counts_by_digit, passed, ranked
+from resample.outofcore.passes import PassContext, counts_by_digit, passed, ranked, spans_within
 from resample.progress import report
 
 LAYERS = ("rgba", "depth", "first_depth", "coverage")

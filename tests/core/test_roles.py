@@ -4,8 +4,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from resample.engine.jit import kernel
-from resample.engine.roles import called_role, plays
+from resample.engine.jit import called_role, kernel, plays
 
 
 class Loud(NamedTuple):

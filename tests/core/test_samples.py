@@ -5,7 +5,7 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.painting.choices import Primitive
-from resample.painting.scenes.scene import check_samples
+from resample.painting.scenes import check_samples
 from resample.resampler import Resampler
 from resample.types import Samples
 

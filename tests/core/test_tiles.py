@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from resample.engine.tiles import CHUNKS
-from resample.painting.scenes.scene import dealt_to_tiles
+from resample.painting.scenes import dealt_to_tiles
 from resample.types import Screen
 
 BOUNDS = np.dtype([(name, np.float64) for name in ("left", "top", "right", "bottom", "spacing")])

@@ -5,8 +5,13 @@ import pytest
 
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular, rays_at
-from resample.cameras.pixels import directions, pixel_centers, undistorted_places
+from resample.cameras.pixels import (
+    Equirectangular,
+    directions,
+    pixel_centers,
+    rays_at,
+    undistorted_places,
+)
 from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Orbit
 from resample_points import Cloud, CloudScene, CloudStyle, prepare_cloud, render_cloud

@@ -12,7 +12,7 @@ from PIL import Image
 from resample import look_at
 from resample.cameras.files import read_shot
 from resample.cameras.models import Camera
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 from resample.colors import to_srgb
 from resample.files.images import read_channels
 from resample.progress import Cancel

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 from resample_points import Cloud, CloudScene, cli, index_cloud, prepare_cloud
 from tests import commands
 

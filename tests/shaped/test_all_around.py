@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from resample import Camera, registry
-from resample.cameras.panoramic import Equirectangular, rays_at
-from resample.painting.shaped.all_around import RayDirections, paint_around, ray_directions
-from resample.painting.shaped.ellipsoids import Ellipsoids, ShapedStyle, paint_ellipsoids
+from resample.cameras.pixels import Equirectangular, rays_at
+from resample.painting.all_around import RayDirections, paint_around, ray_directions
+from resample.painting.ellipsoids import Ellipsoids, ShapedStyle, paint_ellipsoids
 from tests.shaped import twin
 
 SIZE = (32, 64)

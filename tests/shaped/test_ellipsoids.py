@@ -8,7 +8,7 @@ import pytest
 from resample import Camera, Orthographic, Resampler, look_at, particles
 from resample.engine.shaped.records import WHOLE
 from resample.outofcore.ellipsoids import BYTES, paint_parts
-from resample.painting.shaped.ellipsoids import (
+from resample.painting.ellipsoids import (
     BAND,
     Ellipsoids,
     InMemory,

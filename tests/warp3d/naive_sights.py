@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 
 from resample.cameras.models import Orthographic
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 
 
 def rays(camera, shape, place):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from resample import Cancel, CancelledError
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 from resample.measuring.quality import psnr
 from resample_warp3d import DepthScene, warp
 from tests.record import Record

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 from resample.files.formats import WriteOptions
 from resample.files.images import read_channels, read_image
 from resample.files.pictures import Kind, Picture

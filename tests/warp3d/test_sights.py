@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular, turn
+from resample.cameras.pixels import Equirectangular, turn
 from resample.measuring.quality import psnr
 from resample_warp3d import SEAMLESS, mapping_between, panorama, render_together, warp
 from resample_warp3d.types import Hole

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Camera
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.projection_models import mapping_between

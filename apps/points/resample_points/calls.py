@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.calling import FilmOptions, takes, understood
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 from resample.cameras.poses import UpAxis
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
 from resample.colors import from_srgb
 from resample.console import linear_color
-from resample.messages import check_kind, shortly
-from resample.painting.scenes.plans import shape_of
+from resample.messages import check_kind, shape_of, shortly
 from resample.profiles.filters import PixelFilter
 from resample.types import Floats, Frame
 from resample_points.data.cloud import Cloud, columns_of

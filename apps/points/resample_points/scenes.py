@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 from resample.cameras.viewpoints import Orbit, Spelled, Viewpoint, viewpoint_of
-from resample.painting.scenes.plans import shape_of
+from resample.messages import shape_of
 from resample.profiles.filters import PixelFilter
 from resample.progress import Cancel
 from resample.scene import PER, AnyScene, Quality, enlarged_frame, pixel_at, preview_size

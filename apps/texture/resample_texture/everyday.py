@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample.calling import takes
 from resample.cameras.models import Camera, LensModel
 from resample.messages import number, shortly
-from resample.profiles.named import plugin_of
+from resample.registry import plugin_of
 from resample_texture.arguments import (
     CHANNELS,
     AnySize,

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.calling import takes
 from resample.cameras.models import AnyConvention
-from resample.painting.scenes.plans import shape_of
+from resample.messages import shape_of
 from resample.progress import Cancel
 from resample.scene import PER, AnyScene, Quality, enlarged
 from resample.types import Floats

@@ -15,8 +15,8 @@ from resample.messages import check_kind, check_numbers, doubles_of, shortly
 from resample.outofcore.passes import memoized
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST
-from resample.profiles.named import OneOf
 from resample.profiles.orders import EverySample, Rays, Summing
+from resample.registry import OneOf
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample_volume.classification.presets import BRIGHT, Window, levels, transfer_for

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from resample.calling import REMEDIES, FilmOptions, choice_meant, takes, understood
 from resample.cameras.poses import UpAxis
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
-from resample.messages import check_kind, shortly
+from resample.messages import check_kind, shape_of, shortly
 from resample.painting.choices import Projection
-from resample.painting.scenes.plans import shape_of
 from resample.progress import Progress
 from resample.resampler import Resampler
 from resample.types import Frame

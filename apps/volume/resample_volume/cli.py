@@ -90,6 +90,7 @@ def render(
     """
     from resample.command.workers import worker_pools
     from resample.files.saving import check_frame, write_frame
+    from resample.outofcore.passes import memoizing
     from resample_volume.command import rendering
     from resample_volume.command.inputs import media, require_values, with_objects
 
@@ -102,7 +103,7 @@ def render(
     viewpoint = look.viewpoint()
     require_picture(size, rendering.BYTES_PER_PIXEL)
     session = Session()
-    with worker_pools(sharing, picture.threads) as start_workers:
+    with worker_pools(sharing, picture.threads) as start_workers, memoizing({}):
         check_targets(output, stats)
         with session.stage("read"):
             shown = media(source, volume, look, added, resampler, start_workers=start_workers)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from resample.lengths import unit_of_length
 from resample.memory.mapped import contiguous
 from resample.messages import one_line
-from resample.painting.scenes.scene import check_lattice, check_places
+from resample.painting.scenes import check_lattice, check_places
 from resample.registry import load, missing
 from resample.types import Doubles
 from resample_volume.classification.scales import LINEAR, scaled

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.messages import choices_in, parts_of
 from resample.painting.meshes import mesh_of
-from resample.painting.scenes.scene import check_places
+from resample.painting.scenes import check_places
 from resample.reading.limits import check_file
 from resample.reading.meshes import check_mesh, trimesh_resolver, unreadable
 from resample.reading.native import plain

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
+from resample.messages import shape_of
 from resample.outofcore.passes import Memo, memoizing
 from resample.painting.choices import Projection
-from resample.painting.scenes.plans import shape_of
 from resample.profiles.reconstruction import footprint_table
 from resample.progress import Cancel, Progress
 from resample.resampler import Resampler

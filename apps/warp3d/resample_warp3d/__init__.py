@@ -15,7 +15,7 @@ except ModuleNotFoundError as error:
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
-    from resample.cameras.panoramic import Equirectangular
+    from resample.cameras.pixels import Equirectangular
     from resample_warp3d.calls import animate, render, stereo
     from resample_warp3d.depth.equation import between, of_rectified
     from resample_warp3d.depth.preparation import prepare
@@ -41,7 +41,7 @@ _HOMES = {
     "DepthImage": "types",
     "DepthScene": "scenes",
     "Equation": "types",
-    "Equirectangular": "resample.cameras.panoramic",
+    "Equirectangular": "resample.cameras.pixels",
     "Hole": "types",
     "Hybrid": "methods.hybrid",
     "Joining": "views.multi_source",

@@ -13,8 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular, places_of, rays_at
-from resample.cameras.pixels import directions, distorted_places, undistorted_places
+from resample.cameras.pixels import (
+    Equirectangular,
+    directions,
+    distorted_places,
+    places_of,
+    rays_at,
+    undistorted_places,
+)
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between, lens_places
 from resample_warp3d.types import DepthImage, Equation, Sheet

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular
-from resample.painting.scenes.plans import shape_of
+from resample.cameras.pixels import Equirectangular
+from resample.messages import shape_of
 from resample.profiles.filters import PixelFilter
 from resample.progress import Cancel
 from resample.scene import PER, AnyScene, Quality, enlarged

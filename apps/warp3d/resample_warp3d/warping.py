@@ -13,12 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from resample import registry
 from resample.calling import takes
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular, check_panorama, rays_at, turn
+from resample.cameras.pixels import Equirectangular, check_panorama, rays_at, turn
 from resample.cameras.pixels import pixel_centers
 from resample.colors import from_srgb
 from resample.files.conversion import as_picture, picture_and_encoding
-from resample.messages import check_threads, number, shortly
-from resample.painting.scenes.plans import pair_of, shape_of
+from resample.messages import check_threads, number, pair_of, shape_of, shortly
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.encodings import check_scale
@@ -103,7 +102,7 @@ def warp(
         Cameras, or the source's matrix (3, 3) and the pose (3, 4) or (4, 4), from the source's
         coordinates to the target's, of the same camera moved. Either may be parallel
         (`resample.cameras.models.Orthographic`), the target also a panorama
-        (`resample.cameras.panoramic.Equirectangular`). Those targets, and targets with a lens, need
+        (`resample.cameras.pixels.Equirectangular`). Those targets, and targets with a lens, need
         the method hybrid.
     method
         Name such as `hybrid`, `paper`, `mesh:samples=4` or `mcmillan`, or an object in that role.

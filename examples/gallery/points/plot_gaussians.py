@@ -25,7 +25,7 @@ import numpy as np
 from PIL import Image
 
 from resample import look_at
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 from resample_points import (
     Camera,
     Gaussians,

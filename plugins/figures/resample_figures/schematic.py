@@ -11,7 +11,7 @@ from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
 from resample.hybrid.record import NOTHING, SPLAT
 from resample.painting.choices import PAPER_FILTER, Primitive
-from resample.painting.scenes.scene import spacing_of
+from resample.painting.scenes import spacing_of
 from resample.profiles.orders import EverySample, layers_of, sheets_of
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats, Records, Samples, Sheets

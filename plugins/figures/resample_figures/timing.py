@@ -16,7 +16,7 @@ from resample.cameras.viewpoints import Orbit, Sphere
 from resample.hybrid.record import NOTHING, SPLAT
 from resample.measuring.compare import milliseconds, plain
 from resample.painting.choices import Primitive
-from resample.painting.scenes.scene import spacing_of
+from resample.painting.scenes import spacing_of
 from resample.resampler import Resampler
 from resample.types import Floats, Samples
 from resample_comparisons.volume.painting import AxisSheets, ImageSheets

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from resample.profiles.interpolation import Interpolation, prefilter
-from resample.profiles.named import once
+from resample.registry import once
 from resample.types import Doubles
 from resample_texture.arguments import REFLECT_101
 from resample_texture.texels.forward import texels_at

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.memory.mapped import contiguous
 from resample.messages import check_threads
-from resample.profiles.named import plugin_of
+from resample.registry import plugin_of
 from resample.types import Doubles
 from resample_gradients.interpolation import (
     coefficients,

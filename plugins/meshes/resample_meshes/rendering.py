@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere
 from resample.engine.jit import threads
-from resample.messages import number
-from resample.painting.scenes.plans import shape_of
-from resample.painting.scenes.scene import dealt_to_tiles
+from resample.messages import number, shape_of
+from resample.painting.scenes import dealt_to_tiles
 from resample.profiles.filters import Box, PixelFilter
 from resample.profiles.interpolation import (
     LARGEST_RADIUS,
@@ -25,7 +24,7 @@ from resample.profiles.interpolation import (
     Interpolation,
     prefilter,
 )
-from resample.profiles.named import ByName
+from resample.registry import ByName
 from resample.types import Doubles, Floats, Frame, Screen, View
 from resample_meshes.files import load_mesh
 from resample_meshes.kernels.painting import MeshPicture, MeshScene, paint

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.cameras.models import Camera, Orthographic
-from resample.messages import number, warn
-from resample.painting.scenes.plans import shape_of
+from resample.messages import number, shape_of, warn
 from resample.showable import array_of
 from resample.types import Doubles
 from resample_particles.particles import Particles

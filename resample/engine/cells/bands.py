@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
-from resample.engine.roles import plays, role
+from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, plays, role, tasks
 from resample.types import Doubles, Floats, Single
 
 Integers = NDArray[np.int64]

@@ -13,8 +13,17 @@ from numpy.typing import NDArray
 
 from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, Batch, beyond, new_batch, offsets
 from resample.engine.cells.taps import FilterTaps, add
-from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
-from resample.engine.roles import called_role, making_role, plays, role
+from resample.engine.jit import (
+    Counter,
+    called_role,
+    inner_kernel,
+    kernel,
+    making_role,
+    parallel_kernel,
+    plays,
+    role,
+    tasks,
+)
 from resample.engine.surfaces import (
     CURVE,
     HIGH,

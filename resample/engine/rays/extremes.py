@@ -11,11 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import inner_step
+from resample.engine.jit import inner_step, plays
 from resample.engine.rays.coefficients import samples_around, value_at
 from resample.engine.rays.integrators import NOTHING, Result, integrate, measured
 from resample.engine.rays.media import Medium, Ray, depth_at, is_known, place_at
-from resample.engine.roles import plays
 from resample.engine.vectors import Vector, combine, scaled
 from resample.types import Flags
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import inner_step
+from resample.engine.jit import called_role, inner_step, plays, role
 from resample.engine.lookup import VISIBLE, absorbed
 from resample.engine.rays.coefficients import value_and_slope_at, value_at
 from resample.engine.rays.media import (
@@ -38,7 +38,6 @@ from resample.engine.rays.media import (
     tinted,
     value_of,
 )
-from resample.engine.roles import called_role, plays, role
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
 from resample.types import SplineField
 

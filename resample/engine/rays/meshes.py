@@ -7,7 +7,7 @@ of the boxes are leaves. A ray traverses the tree in that order, without a stack
 import math
 from typing import Any
 
-from resample.engine.jit import inner_step
+from resample.engine.jit import inner_step, plays, role
 from resample.engine.lookup import VISIBLE
 from resample.engine.rays.extremes import Extreme
 from resample.engine.rays.integrators import (
@@ -29,7 +29,6 @@ from resample.engine.rays.media import (
     ray_at,
     reflect,
 )
-from resample.engine.roles import plays, role
 from resample.engine.vectors import Vector, combine, cross, dot, scaled
 from resample.types import Doubles, Triangles, View
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.bundles import Words, loaded, rows_of, store
-from resample.engine.jit import Counter, inner_kernel, inner_step, packed_kernel, tasks
+from resample.engine.jit import Counter, inner_kernel, inner_step, packed_kernel, plays, tasks
 from resample.engine.rays.integrators import (
     MOST_PIECES,
     NOTHING,
@@ -39,7 +39,6 @@ from resample.engine.rays.media import (
 )
 from resample.engine.rays.meshes import cast
 from resample.engine.rays.painting import Output, paint_tile
-from resample.engine.roles import plays
 from resample.types import Doubles, Indices, View
 
 SAME = 1e-6  # of a step; depths that are closer count as one

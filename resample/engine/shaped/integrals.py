@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from resample.engine.jit import lane_kernel, lane_step
+from resample.engine.jit import lane_kernel, lane_role, lane_step, plays
 from resample.engine.lookup import unit_lookup
-from resample.engine.roles import lane_role, plays
 from resample.types import Pieces, Profile, Single, Tabulated
 
 Integral = Profile | Pieces | Tabulated

@@ -10,12 +10,13 @@ from resample.engine.jit import (
     Counter,
     inner_kernel,
     inner_step,
+    lane_role,
     lane_step,
     load_soon,
     parallel_kernel,
+    plays,
     tasks,
 )
-from resample.engine.roles import lane_role, plays
 from resample.engine.shaped.canvas import (
     LANES,
     SIDE,

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import inner_kernel, inner_step, kernel
-from resample.engine.roles import role
+from resample.engine.jit import inner_kernel, inner_step, kernel, role
 from resample.engine.windows.boxes import (
     FEW,
     FEWER,

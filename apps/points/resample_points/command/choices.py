@@ -130,7 +130,6 @@ class CloudOptions(Choices):
         """Refuse invalid options before any work is done."""
         from resample import registry
         from resample.colors import check_colormap
-        from resample.measuring.color_bars import check_bar
         from resample_points.data.columns import box_of
 
         self.style()
@@ -143,6 +142,8 @@ class CloudOptions(Choices):
         if self.color_by is None and (self.color_bar or self.span is not None):
             raise ValueError("--color-bar and --range belong to --color-by; give it a column")
         if self.color_bar:
+            from resample.measuring.color_bars import check_bar
+
             check_bar(output, height)
 
     def conditions(self) -> "list[Wanted]":
@@ -209,13 +210,14 @@ class CloudAim(CloudStart):
 
     def camera_for(self, surfels: "Surfels | Cloud", shape: "Shape") -> Any:
         """Return the camera for a picture (height, width) of a cloud; raises as `check` does."""
-        from resample.cameras.files import read_pose
         from resample.cameras.viewpoints import Orbit
         from resample_points.geometry.framing import ball_around
         from resample_points.scenes import camera_of, sized
 
         if self.panorama is not None:  # at a pose, or where --camera is
             if self.pose is not None:
+                from resample.cameras.files import read_pose
+
                 pose = read_pose(self.pose)
             else:
                 pose = camera_of(surfels, shape, self.start()).world_to_camera
@@ -231,11 +233,11 @@ class CloudAim(CloudStart):
 
 def panorama_of(name: str | None) -> Any:
     """Return the camera of a projection, at 0; None without one."""
-    from resample.cameras.panoramic import Equirectangular
-    from resample_points.painting.bending import ProjectedCamera
-
     if name is None:
         return None
+    from resample.cameras.pixels import Equirectangular
+    from resample_points.painting.bending import ProjectedCamera
+
     if name == "equirectangular":
         return Equirectangular()
     return ProjectedCamera(name)
@@ -243,12 +245,12 @@ def panorama_of(name: str | None) -> Any:
 
 def calibrated_of(pose: str | None, intrinsics: str | None) -> "Calibration | None":
     """Read the camera of --pose and --intrinsics, if given."""
-    from resample.cameras.files import read_pose
-    from resample.command.flags import with_intrinsics
-
     if pose is None and intrinsics is None:
         return None
     if pose is None or intrinsics is None:
         raise ValueError("--pose and --intrinsics belong together; give both, or --camera")
+    from resample.cameras.files import read_pose
+    from resample.command.flags import with_intrinsics
+
     calibration = with_intrinsics("intrinsics", intrinsics, "corner")
     return calibration._replace(camera=calibration.camera.moved(read_pose(pose)))

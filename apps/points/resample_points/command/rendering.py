@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -233,9 +234,15 @@ class Filmed(Protocol):
 
 def holds_gaussians(file: Path, look: CloudOptions, gaussians: GaussianOptions) -> bool:
     """Whether a file holds 3D Gaussians, not points; refuse options of the other."""
-    from resample_points.files.gaussians.formats import is_gaussians
+    from resample_points.files.ply import ply_header
 
-    is_of_gaussians = is_gaussians(file)
+    is_of_gaussians = True
+    with suppress(OSError, ValueError):  # most PLY files tell by their columns that they are not
+        is_of_gaussians = not ply_header(file).names().isdisjoint(("opacity", "packed_position"))
+    if is_of_gaussians:
+        from resample_points.files.gaussians.formats import is_gaussians
+
+        is_of_gaussians = is_gaussians(file)
     others, owner, held = gaussians.model_fields_set, "3D Gaussians", "none"
     if is_of_gaussians:
         others = look.model_fields_set - set(of_gaussians.SHARED)

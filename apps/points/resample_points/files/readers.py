@@ -9,7 +9,6 @@ import numpy as np
 from resample import registry
 from resample.memory.mapped import is_in_file
 from resample.messages import reader_of
-from resample.reading.arrays import npz_names, read_npz
 from resample.reading.limits import check_file
 from resample_points.data.cloud import Cloud, kept_columns, linear, some_of
 
@@ -106,6 +105,8 @@ def is_cloud(path: Path) -> bool:
     """Whether a file is a cloud by its suffix, or for `.npz` by the names of its arrays."""
     if path.suffix.lower() != ".npz":
         return path.suffix.lower() in suffixes()
+    from resample.reading.arrays import npz_names
+
     try:
         return "position" in npz_names(path)
     except OSError:
@@ -114,6 +115,8 @@ def is_cloud(path: Path) -> bool:
 
 def read_arrays(path: Path) -> Cloud:
     """Read `.npz`: arrays by the names of a cloud's parts."""
+    from resample.reading.arrays import read_npz
+
     known: dict[str, Any] = read_npz(path)
     if "position" not in known:
         raise ValueError(f"has no array position; a cloud has {', '.join(PARTS)}")

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import UpAxis, orbit
 from resample.cameras.viewpoints import Sphere
-from resample.messages import number
+from resample.messages import number, shape_of
 from resample.outofcore.passes import memoized
-from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
 from resample_points.data.cloud import Cloud, check_cloud, places
 from resample_points.data.parts import STEP, rows_of, zeros_beside

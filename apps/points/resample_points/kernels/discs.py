@@ -17,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.roles import plays
+from resample.engine.jit import Counter, kernel, parallel_kernel, plays, tasks
 from resample.engine.surfaces import (
     COVER,
     NEAR,

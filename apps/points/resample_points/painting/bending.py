@@ -13,10 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular, check_panorama, places_of, rays_at
-from resample.cameras.pixels import directions, distorted_places, undistorted_places
+from resample.cameras.pixels import (
+    Equirectangular,
+    check_panorama,
+    directions,
+    distorted_places,
+    places_of,
+    rays_at,
+    undistorted_places,
+)
 from resample.cameras.poses import rigid
-from resample.profiles.named import plugin_of
+from resample.registry import plugin_of
 from resample.scene import lines_of
 from resample.types import Doubles, Floats
 from resample_points.data.parts import rows_of

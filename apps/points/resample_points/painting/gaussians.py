@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 import numpy as np
 
 from resample.cameras.models import AnyCamera, Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 from resample.colors import from_srgb, to_srgb
-from resample.messages import check_kind, check_numbers, check_threads
-from resample.painting.scenes.plans import shape_of
-from resample.painting.shaped.ellipsoids import (
+from resample.messages import check_kind, check_numbers, check_threads, shape_of
+from resample.painting.ellipsoids import (
     FINEST,
     Ellipsoids,
     ShapedOrder,
@@ -291,7 +290,7 @@ def render_gaussians(
     """
     from resample.engine import jit
     from resample.outofcore.ellipsoids import BYTES, paint_parts
-    from resample.painting.shaped.all_around import paint_around
+    from resample.painting.all_around import paint_around
 
     if not isinstance(gaussians, Gaussians | StoredGaussians):
         raise TypeError(
@@ -319,7 +318,7 @@ def render_gaussians(
 
 def _rays(camera: CloudView, shape: tuple[int, int]) -> Any:
     """Return the rays of a camera that bends lines; None for others."""
-    from resample.painting.shaped.all_around import RayDirections, ray_directions
+    from resample.painting.all_around import RayDirections, ray_directions
 
     if isinstance(camera, ProjectedCamera):
         projection = camera.projection

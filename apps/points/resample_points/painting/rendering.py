@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 from resample.cameras.models import Orthographic
 from resample.cameras.pixels import pixel_centers
 from resample.memory.mapped import most_of
-from resample.messages import check_kind, check_numbers, check_threads
-from resample.painting.scenes.plans import shape_of
+from resample.messages import check_kind, check_numbers, check_threads, shape_of
 from resample.profiles.filters import PixelFilter
-from resample.profiles.named import plugin_of
 from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.progress import told
+from resample.registry import plugin_of
 from resample.types import Floats, Frame, Records, Screen, Statistics
 from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.parts import rows_of, zeros_beside

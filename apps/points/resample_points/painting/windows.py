@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_in_file
-from resample.outofcore.ellipsoids import spans_within
-from resample.outofcore.passes import PassContext, passed
-from resample.painting.scenes.scene import dealt_to_tiles, tiles_along
+from resample.outofcore.passes import PassContext, passed, spans_within
+from resample.painting.scenes import dealt_to_tiles, tiles_along
 from resample.progress import progress_here, told
 from resample.types import Indices, Records, Screen
 from resample_points.data.parts import rows_of, zeros_beside

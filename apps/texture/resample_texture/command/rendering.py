@@ -31,7 +31,6 @@ from resample.types import Floats
 from resample_texture.arguments import method_named, within
 from resample_texture.command.choices import Aim, PictureTarget, PictureWarping
 from resample_texture.drawing import Drawing, DrawnParts, drawn, parts_of
-from resample_texture.geometry.cameras import plane_homography
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
 from resample_texture.geometry.regions import Rect, windows_of
 from resample_texture.types import AnyLight, Edge, Method, Warped
@@ -379,6 +378,8 @@ def shots(source: Floats, flight: Flyover, paint: FlightOptions) -> Shots:
 
 def frame(source: Floats, flight: Flyover, paint: FlightOptions, n: int) -> Levels:
     """Paint frame n (H, W, 3), sRGB-encoded, 8 bits, of a source as `with_alpha` gives it."""
+    from resample_texture.geometry.cameras import plane_homography
+
     texel_size = 1.0 / max(source.shape[:2])
     geometry = plane_homography(flight.camera(n), source.shape[:2], texel_size=texel_size)
     drawing = Drawing(paint.method, geometry, flight.size, paint.edge, linear_light=paint.light)

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.files.images import read_channels
 from resample.memory.mapped import contiguous
-from resample.reading.arrays import is_npy, read_npy, read_npz
 from resample.types import Doubles
 
 Size = tuple[int, int]  # height and width
@@ -71,6 +70,8 @@ def places_by_map(
 
 def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
     """Read the array of a .npy file, or the arrays of a .npz file by name."""
+    from resample.reading.arrays import is_npy, read_npy, read_npz
+
     file = Path(path)
     # Only the parts that are used are read.
     return read_npy(file, mapped=True) if is_npy(file) else read_npz(file)

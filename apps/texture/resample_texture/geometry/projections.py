@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras.panoramic import places_of, rays_at
+from resample.cameras.pixels import places_of, rays_at
 from resample.types import Doubles
 
 FACES = (  # of a cube: axes of directions along x and y of the face, and out of it

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.messages import number
-from resample.profiles.named import plugin_of
+from resample.registry import plugin_of
 from resample.types import Floats
 from resample_texture.geometry.mappings import (
     BackwardMap,

@@ -22,7 +22,7 @@ from resample.engine.windows.boxes import CLAMP, FEW, MIRROR, SPARE, TRANSPARENT
 from resample.engine.windows.separable import Filters, filter_plate
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.profiles.interpolation import AreaSpline, Interpolation, prefilter, taps
-from resample.profiles.named import once
+from resample.registry import once
 from resample.types import Doubles, Floats
 from resample_texture.geometry import regions
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography, Size

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.painting.scenes.scene import check_lattice, check_places
+from resample.painting.scenes import check_lattice, check_places
 from resample.reading.limits import check_size, check_unpacked
 from resample.types import Doubles
 from resample_volume.data.recordings import SeveralChannelsError, SeveralTimesError, alone, how

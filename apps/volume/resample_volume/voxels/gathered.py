@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from resample import types
 from resample.memory.mapped import array_like, is_in_file
-from resample.outofcore.passes import DIGIT, counts_by_digit, memo_of, memoized, ranked
+from resample.outofcore.passes import DIGIT, counts_by_digit, memoized, ranked
 from resample.painting.choices import MAXIMA, MEASURING, Projection
 from resample.painting.rays import bricks_to_next, thickest, visible_cells
 from resample.painting.splines import FIELD, levels_of_samples, spline_of
@@ -109,7 +109,11 @@ def gathered(
     samples = of_samples(volume, thin)
     is_within = thin.parts > 1 and resampler.projection in EXTREMES
     sharpness = getattr(resampler.order, "sharpness", 1.0)
-    spline, bounds, known = _on_lattice(volume, sharpness, thin, two, is_within=is_within)
+    # Surfaces of samples with colors lie where the color changes, not where the field does.
+    is_cut = two.size == 2 and volume.colors is None and thin.parts == 1 and sharpness == 1
+    cut = tuple(two.tolist()) if is_cut else ()
+    of_values = _on_lattice(volume.values, sharpness, thin, cut, is_within=is_within)
+    spline, bounds, known = of_values
     levels, is_whole = types.UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
     if resampler.projection in EXTREMES and is_whole and not is_plain:
         levels = _levels(volume.values, resampler.projection is Projection.MINIMUM)
@@ -265,22 +269,20 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
         first += chunk.size
 
 
+@memoized(lambda values: values)
 def _on_lattice(
-    volume: Volume, sharpness: float, thin: Thin, two: Doubles, *, is_within: bool
-) -> tuple[types.SplineField, types.Bounds, Flags]:
-    """Return the field of values, its bounds, and which are known, if not all."""
-    # Surfaces of samples with colors lie where the color changes, not where the field does.
-    values, is_cut = volume.values, two.size == 2 and volume.colors is None
-    is_cut = is_cut and thin.parts == 1 and sharpness == 1
-    memo: dict[Any, tuple[types.SplineField, types.Bounds, Flags]] = memo_of(values)
-    key = (_on_lattice, id(values), sharpness, thin, is_cut, is_within)
-    if key in memo:
-        return memo[key]
+    values: NDArray[np.generic], sharpness: float, thin: Thin, cut: tuple[float, ...], *,
+    is_within: bool,
+) -> tuple[types.SplineField, types.Bounds, Flags]:  # fmt: skip
+    """Return the field of values, its bounds, and which are known, if not all.
+
+    `cut`: the only two values, where the field is cut between them.
+    """
     filled, known = _without_gaps(values)
-    if thin.parts == 1 and not is_cut:
-        return memo.setdefault(key, (*spline_of(filled, sharpness), known))
-    if is_cut:
-        level, zero, scale = with_true_thickness(filled, two)
+    if thin.parts == 1 and not cut:
+        return *spline_of(filled, sharpness), known
+    if cut:
+        level, zero, scale = with_true_thickness(filled, np.array(cut))
         spline, bounds = spline_of(level)
     else:
         scale, (samples, zero) = 1.0, thinned(filled, thin, is_within=is_within)
@@ -292,10 +294,10 @@ def _on_lattice(
         floor=scale * spline.floor + zero,
         ceiling=scale * spline.ceiling + zero,
     )
-    if known.size and not is_cut:  # of voxels, repeated for samples
+    if known.size and not cut:  # of voxels, repeated for samples
         inner = known.reshape([count + 2 * PAD for count in values.shape])[(slice(PAD, -PAD),) * 3]
         known = np.pad(np.repeat(inner, thin.parts, thin.axis), PAD, "edge").ravel()
-    return memo.setdefault(key, (spline, types.Bounds(least, greatest), known))
+    return spline, types.Bounds(least, greatest), known
 
 
 @memoized(lambda values: values)

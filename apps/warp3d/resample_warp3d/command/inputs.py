@@ -13,7 +13,7 @@ import numpy as np
 
 from resample.cameras.files import file_and_frame
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.panoramic import Equirectangular, check_panorama
+from resample.cameras.pixels import Equirectangular, check_panorama
 from resample.cameras.record3d import unpacked
 from resample.command.flags import Shape
 from resample.command.session import libraries

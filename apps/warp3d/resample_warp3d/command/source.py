@@ -145,7 +145,7 @@ class SourceCamera(Choices):
 
         from resample.cameras.files import read_pose
         from resample.cameras.models import Orthographic
-        from resample.cameras.panoramic import Equirectangular
+        from resample.cameras.pixels import Equirectangular
 
         if self.source_projection == "pinhole":
             return self.camera(shape, pose)

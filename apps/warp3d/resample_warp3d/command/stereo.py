@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import Camera, LensModel
-from resample.cameras.panoramic import Equirectangular
-from resample.cameras.pixels import directions, pixel_centers
+from resample.cameras.pixels import Equirectangular, directions, pixel_centers
 from resample.colors import from_srgb
 from resample.command.flags import Shape
 from resample.command.session import Session

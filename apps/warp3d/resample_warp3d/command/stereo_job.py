@@ -13,8 +13,9 @@ import numpy as np
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import progress_bar, say
-from resample.files.films import FORMATS, UNMARKED
+from resample.files.films import UNMARKED
 from resample.files.formats import (
+    FORMATS,
     QUALITY,
     SUFFIXES,
     WriteOptions,

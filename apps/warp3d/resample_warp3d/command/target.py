@@ -106,7 +106,7 @@ class TargetCamera(Choices):
         """Return the camera of the new picture, at the source's pose."""
         from resample.cameras.calibrations import read_calibration
         from resample.cameras.models import Camera, Orthographic
-        from resample.cameras.panoramic import Equirectangular, check_panorama
+        from resample.cameras.pixels import Equirectangular, check_panorama
 
         shape, pose = self.shape(source_shape), source.world_to_camera
         if self.target_fov is not None:

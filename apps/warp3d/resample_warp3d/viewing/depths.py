@@ -13,7 +13,7 @@ import numpy as np
 from resample import registry
 from resample.cameras.files import read_pose
 from resample.cameras.models import Camera
-from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import Equirectangular
 from resample.command.session import Session
 from resample.command.settings import Choices, Written, chosen, option_of
 from resample.console import film_background

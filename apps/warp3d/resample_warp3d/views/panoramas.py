@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Camera
-from resample.cameras.panoramic import rays_at, turn
+from resample.cameras.pixels import rays_at, turn
 from resample.files.conversion import as_picture
 from resample.types import Floats
 from resample_warp3d.depth.preparation import prepare

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from resample.painting.choices import Footprint, PaintChoices, Technique, technique_of
-from resample.painting.scenes.scene import SamplePainter
+from resample.painting.scenes import SamplePainter
 from resample.profiles.orders import Summing, check_thickness, of_depth, thickness_of
 from resample.types import Doubles, Layers, View
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyCamera
-from resample.painting.scenes.scene import check_samples
+from resample.painting.scenes import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.progress import Progress
 from resample.types import Doubles, Floats, Samples, View

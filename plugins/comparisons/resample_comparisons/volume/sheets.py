@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from resample.hybrid.paint import Counts, paint
 from resample.hybrid.record import POINT
 from resample.painting.paper import PaperPainter, PlacedVoxels, empty_film
-from resample.painting.scenes.scene import PreparedScene
+from resample.painting.scenes import PreparedScene
 from resample.profiles.orders import Summing
 from resample.profiles.reconstruction import Reconstruction
 from resample.types import Doubles, Film, Samples, View

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.roles import plays
+from resample.engine.jit import Counter, kernel, parallel_kernel, plays, tasks
 from resample.engine.surfaces import (
     Surfaces,
     add,

@@ -21,9 +21,9 @@ from resample.engine.jit import (
     lane_kernel,
     packed_kernel,
     parallel_kernel,
+    plays,
     tasks,
 )
-from resample.engine.roles import plays
 from resample.engine.windows.boxes import TRANSPARENT, mapped
 from resample.engine.windows.footprints import GridView, PixelFootprint, footprint_at
 from resample.engine.windows.gather import Extent, Mask, gather_tiles, measure_tiles

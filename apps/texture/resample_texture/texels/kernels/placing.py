@@ -13,8 +13,7 @@ import numpy as np
 from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, Batch, beyond, length, new_batch
 from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts
 from resample.engine.cells.taps import FilterTaps
-from resample.engine.jit import Counter, inner_kernel, parallel_kernel
-from resample.engine.roles import plays
+from resample.engine.jit import Counter, inner_kernel, parallel_kernel, plays
 from resample.types import Doubles, Floats, Single
 from resample_texture.texels.kernels.blocks import CUT, START, Integers
 from resample_texture.texels.kernels.texels import (

@@ -14,8 +14,7 @@ import numpy as np
 from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, Batch, new_batch
 from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts, stamp
 from resample.engine.cells.taps import FilterTaps
-from resample.engine.jit import Counter, kernel, parallel_kernel
-from resample.engine.roles import plays
+from resample.engine.jit import Counter, kernel, parallel_kernel, plays
 from resample.engine.surfaces import (
     CURVE,
     HIGH,

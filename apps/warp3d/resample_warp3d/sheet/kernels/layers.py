@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.cells.bands import bands, overlapping, skips, take, walk
-from resample.engine.jit import Counter, inner_kernel, parallel_kernel
-from resample.engine.roles import plays
+from resample.engine.jit import Counter, inner_kernel, parallel_kernel, plays
 from resample.types import Floats, Single
 from resample_warp3d.sheet.kernels.screen import SEGMENT, SheetScreen
 from resample_warp3d.sheet.kernels.segments import (

@@ -16,8 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from resample.engine.cells.bands import Pixel, beyond, length, pixel_of, placed, within
-from resample.engine.jit import inner_kernel
-from resample.engine.roles import plays
+from resample.engine.jit import inner_kernel, plays
 from resample.types import Floats, Single
 from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, SheetScreen
 from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, TURNS, UP, Links

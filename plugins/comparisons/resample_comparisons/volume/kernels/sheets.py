@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import inner_step
+from resample.engine.jit import inner_step, plays
 from resample.engine.lookup import absorbed
-from resample.engine.roles import plays
 from resample.hybrid.roles import finish, is_open, sample_of, sweeps, touch
 from resample.types import Film, Floats, Record, Single
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.memory.mapped import contiguous
-from resample.painting.scenes.plans import Window, check_size
-from resample.painting.scenes.scene import Clock, check_places
+from resample.messages import Window, check_size
+from resample.painting.scenes import Clock, check_places
 from resample.profiles.reconstruction import (
     Reconstruction,
     footprint_pieces,
@@ -64,7 +64,7 @@ class Ellipsoids(NamedTuple):
     --------
     >>> import numpy as np
     >>> from resample import Camera, Resampler
-    >>> from resample.painting.shaped.ellipsoids import Ellipsoids
+    >>> from resample.painting.ellipsoids import Ellipsoids
     >>> flat = Ellipsoids(
     ...     position=[[0, 0, 5]], scale=[[1, 0.2, 1]], rotation=[[1, 0, 0, 0]], opacity=[0.9],
     ...     color=[[1, 0, 0]],

@@ -7,11 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
-from resample.cameras.panoramic import Equirectangular, check_panorama, rays_at
-from resample.cameras.pixels import directions, undistorted_places
-from resample.painting.scenes.plans import check_size
-from resample.painting.scenes.scene import Clock
-from resample.painting.shaped.ellipsoids import (
+from resample.cameras.pixels import (
+    Equirectangular,
+    check_panorama,
+    directions,
+    rays_at,
+    undistorted_places,
+)
+from resample.messages import check_size
+from resample.painting.ellipsoids import (
     Ellipsoids,
     EllipsoidSource,
     InMemory,
@@ -22,6 +26,7 @@ from resample.painting.shaped.ellipsoids import (
     check_ellipsoids,
     empty_canvas,
 )
+from resample.painting.scenes import Clock
 from resample.progress import Progress
 from resample.types import Doubles, Floats, Indices, Statistics, View
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.memory.mapped import contiguous
-from resample.painting.scenes.plans import Window
+from resample.messages import Window
 from resample.profiles.orders import Summing
 from resample.progress import Progress
 from resample.types import (

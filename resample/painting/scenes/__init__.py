@@ -1,1 +1,0 @@
-"""Scenes, plans of pictures and parts of samples, which all painters share."""
