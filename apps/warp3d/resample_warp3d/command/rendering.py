@@ -230,7 +230,7 @@ def film_of(
     images = [view.image for view in taken.views]
     cameras = [[getattr(v.camera, each.name) for each in fields(v.camera)] for v in taken.views]
     words = [[p.tolist() if isinstance(p, np.ndarray) else p for p in one] for one in cameras]
-    job = {
+    job: dict[str, object] = {
         "source": fingerprint(
             *(part for each in images for part in (each.color, each.nearness, each.place))
         ),

@@ -34,11 +34,7 @@ def filtered(
     if parts.weight.size == 1:  # the mean over a pixel's square, as all methods have it
         look: WayMethod = method
         return look(source, equation, shape)
-    if getattr(method, "is_per_pixel", False):
-        name = type(method).__name__
-        raise ValueError(f"{name} copies samples to whole pixels; leave out the pixel filter")
-    if getattr(method, "labels", False):
-        raise ValueError("labels are not mixed; leave out the pixel filter")
+    check_method(method)
     image, coverage, squares = _painted(method, parts, source, equation, shape)
     # Cover at most all of a pixel; light goes with the coverage, so that what has one color keeps
     # it where filters with negative weights overshoot.
@@ -63,6 +59,15 @@ def filtered(
         image * scale[..., None].astype(np.float32), share.astype(np.float32), nearness,
         magnification, squares.bridged[_inner(margin, shape)] & is_seen,
     )  # fmt: skip
+
+
+def check_method(method: Method) -> None:
+    """Refuse methods that no filter can be applied to."""
+    if getattr(method, "is_per_pixel", False):
+        name = type(method).__name__
+        raise ValueError(f"{name} copies samples to whole pixels; leave out the pixel filter")
+    if getattr(method, "labels", False):
+        raise ValueError("labels are not mixed; leave out the pixel filter")
 
 
 def _painted(
