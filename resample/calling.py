@@ -1,6 +1,6 @@
 """Calls as users of other libraries write them: their words are understood, or answered.
 
-The words are those of OpenCV, scikit-image, SciPy, Pillow, Matplotlib, napari, VTK and PyVista.
+The words come from OpenCV, scikit-image, SciPy, Pillow, Matplotlib, napari, VTK and PyVista.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -9,7 +9,7 @@ from importlib import import_module
 from os import PathLike
 from typing import Any, ParamSpec, TypedDict, TypeVar
 
-VARKEYWORDS = 8  # `inspect.CO_VARKEYWORDS`, whose import takes 10 ms
+VARKEYWORDS = 8  # `inspect.CO_VARKEYWORDS`; importing it takes 10 ms
 P = ParamSpec("P")
 R = TypeVar("R")
 C = TypeVar("C")
@@ -91,8 +91,8 @@ NAMES = {
     "voxel_size voxelsize pixdim": ("spacing", ""),
     "width height w h": ("", "width size factor"),
 }
-TURNED = "dsize size"  # arguments whose two numbers are the other way round here
-TOGETHER = (  # ours, and those of others that say it together
+TURNED = "dsize size"  # arguments with two numbers in the opposite order
+TOGETHER = (  # our options, and one argument of others for both
     ("size", "width height"),
     ("camera", "azimuth elevation zoom"),
     ("camera", "azimuth elevation"),
@@ -103,7 +103,7 @@ TOGETHER = (  # ours, and those of others that say it together
     ("intrinsics", "fx fy cx cy"),
     ("pose", "r t"),
 )
-USUAL = {  # arguments of others, and their values that are all that there is here
+USUAL = {  # others' arguments, and the values that name our only behavior
     "anti_aliasing antialias expand reshape resize preserve_range": (True,),
     "render_points_as_spheres opencv align_centers": (True,),
     "align_corners multichannel": (False,),
@@ -217,7 +217,7 @@ ALIASES = {
     "read_point_cloud load_point_cloud load_ply": "read_cloud",
     "pointcloud point_cloud": "Cloud",
 }
-# What others call a function with choices of its own -> what it is here, and these choices.
+# Other libraries' functions that imply options -> our function, and these options.
 PRESETS: dict[str, tuple[str, dict[str, Any]]] = {
     "anaglyph": ("stereo", {"layout": "anaglyph"}),
     "mip maximum_projection": ("render", {"projection": "maximum"}),
@@ -251,7 +251,7 @@ FUNCTIONS = {
     '.control_points(source, target, shape, "projective") makes the matrix for warp',
     "getrotationmatrix2d": "rotate(image, degrees) rotates",
     "downscale_local_mean": "resize(image, 0.5) halves it",
-    "warp_polar": "warpPolar(image, dsize, center, radius, flags) is that of OpenCV",
+    "warp_polar": "warpPolar(image, dsize, center, radius, flags) as in OpenCV",
     "swirl piecewise_affine": "warp(image, (map_x, map_y), shape) "
     "takes the places (H, W) in the source",
     "equirectangular_to_perspective equirect_to_perspective e2p e2c py360convert": "project(image, "
@@ -285,7 +285,7 @@ def choice_meant(given: str, choices: Collection[Any]) -> str:
 
 
 def ours_of(name: str, known: Collection[str], *, alike: bool = False) -> str:
-    """Return the option that a name means, of those known; empty if it means none.
+    """Return the known option that a name means; empty if it means none.
 
     `alike`: options that are only like it count, too.
 
@@ -324,7 +324,7 @@ def _joined(given: dict[str, Any], known: set[str]) -> None:
             continue
         parts = [given[spelled[word]] for word in words]
         if words[-1] == "up" and isinstance(parts[-1], str):
-            continue  # an axis, which is an option of its own
+            continue  # an axis, which is a separate option
         for word in words:
             del given[spelled[word]]
         if ours == "pose":
@@ -368,7 +368,7 @@ def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict
     for name, given_value in given.items():
         usual = next((row for words, row in USUAL.items() if name.lower() in words.split()), ())
         if name not in known and type(given_value) in (bool, int) and given_value in usual:
-            continue  # it asks for what is always done here
+            continue  # it asks for our only behavior
         value, ours = _value_of(name, given_value, known), ours_of(name, known)
         if (
             name == "scale" and "fit" in known and name not in known
@@ -438,13 +438,13 @@ def takes(
 
 
 def alias_of(name: str, known: Collection[str]) -> str:
-    """Return the function that a name means, of those known; empty if it means none."""
+    """Return the known function that a name means; empty if it means none."""
     means = (ours for words, ours in ALIASES.items() if name.lower() in words.split())
     return name if name in known else next((one for one in means if one in known), "")
 
 
 def no_attribute(given: Any, name: str, remedies: Mapping[str, str]) -> AttributeError:
-    """Answer other libraries' names of what an object has; for its `__getattr__`."""
+    """Suggest our names for other libraries' attributes; for `__getattr__`."""
     hint = "" if name.startswith("_") else answer(name, dir(given), remedies)
     return AttributeError(f"{type(given).__name__!r} object has no attribute {name!r}{hint}")
 

@@ -154,7 +154,7 @@ def portion(first: float, last: float) -> Iterator[None]:
 
 
 def progress_here() -> Progress | None:
-    """What is told of the progress of the current work."""
+    """State of progress of the current work."""
     return _watch.get().progress
 
 

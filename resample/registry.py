@@ -1,4 +1,4 @@
-"""Plugins by name: built-in parts and those of other packages are entry points alike.
+"""Plugins by name: built-in and other packages' parts are entry points alike.
 
 Every replaceable part is an entry point in a group `resample.<group>`. A package adds a plugin with
 one line of its pyproject.toml; nothing is imported before it is used:
@@ -94,7 +94,7 @@ def load(group: str, name: str) -> Any:
     """Import one plugin and no other.
 
     `group`, `name`: as listed by `names`. Returns the object of the entry point: in most groups a
-    class whose parameters are the user's choices. Raises LookupError: the name is unknown or
+    class that takes the user's choices. Raises LookupError: the name is unknown or
     claimed by two packages, or the plugin cannot be imported.
     """
     entry = _entry(group, name)
@@ -112,7 +112,7 @@ def build(group: str, spec: str) -> Any:
     """Create a plugin object from a specification.
 
     `group`: one of `GROUPS`. `spec`: `name` or `name:parameter=value,parameter=value`. Values are
-    integers, numbers, `true`, `false` or text; a parameter whose default is text takes its value
+    integers, numbers, `true`, `false` or text; a parameter with text as default takes its value
     literally. Returns the plugin called with the parameters: `gaussian:sigma=0.6` gives
     `Gaussian(sigma=0.6)`. Raises LookupError: as in `load`. Raises ValueError: a parameter is
     unknown, malformed, missing or rejected by the plugin.

@@ -63,8 +63,8 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
     primitive
         Points, splats, or each where it is better.
     footprint
-        Model of the splats; None is exact, and corrected under `Primitive.PAPER`. What is not exact
-        is painted by `resample.hybrid`, as are points.
+        Model of the splats; None is exact, and corrected under `Primitive.PAPER`. Inexact splats
+        and points are painted by `resample.hybrid`.
     pixel_filter
         Filter from sub-pixels to pixels, by name, such as `tent`, or as an object; under
         `Primitive.PAPER` the filter that points are summed under at the pixels, where a box would
@@ -88,7 +88,7 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
     iso
         Value that `Projection.FIRST_HIT` looks for, data units.
     attenuation
-        How much a voxel of the brightest value dims what is behind it, of `Projection.ATTENUATED`;
+        How much a voxel of the brightest value dims voxels behind it, of `Projection.ATTENUATED`;
         0 is the plain maximum.
     method
         Name of the primitive, as commands take it: `Resampler(method="paper")`.
@@ -124,8 +124,8 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         Parameters
         ----------
         samples
-            What is seen; the result does not depend on their order. A `LatticeField` needs `Rays`,
-            as do several of them in a list, whose emission and absorption add up; and `Ellipsoids`
+            Samples; the result does not depend on their order. A `LatticeField` needs `Rays`,
+            as do several of them in a list (their emission and absorption add up); and `Ellipsoids`
             take `EverySample` or `Rays`.
         camera
             Where from.
@@ -137,12 +137,12 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
             Called with the share of the work that is done, 0 to 1, and may raise to stop.
         clip
             (M, 4) planes: normal and offset, scene units. Of a field only that is seen where
-            n · p + d is 0 or more for all of them; of samples, those whose centers are there.
+            n · p + d is 0 or more for all of them; samples are kept by their centers.
 
         Raises
         ------
         ValueError
-            Arrays do not fit together or hold values that are not finite, the size is no size, a
+            Arrays do not fit together or hold values that are not finite, the size is invalid, a
             field or its projection does not go with the order, or choices are not for samples that
             have a scale each.
         """
@@ -182,14 +182,14 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         Parameters
         ----------
         fields, camera, height, width, threads, progress, clip
-            As of a call.
+            As in a call.
         rows
             First row, and the one after the last, px.
 
         Raises
         ------
         ValueError
-            As a call does; or the rows are no rows of the picture.
+            As a call does; or the rows lie outside the picture.
         """
         check_call(camera, height, width, threads)
         check_sort_of(self, fields)

@@ -134,7 +134,7 @@ def run(application: str, command: str, *names: str | Path, **options: Any) -> N
 
     `application`, `command`: their names, such as `volume` and `animate`. `names`: its positional
     arguments. `options`: its options by name, with values as for `command.settings.chosen`; None:
-    left out. Raises TypeError: there is no such option; it says what to give instead. Raises
+    left out. Raises TypeError: the option is unknown; it says what to give instead. Raises
     ValueError, OSError: as for the command.
     """
     from resample.command.settings import Choices, as_on_a_command_line, chosen

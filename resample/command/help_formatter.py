@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 BRIEF = "-h"
 LINES, COLUMNS = 15, 80  # at most
 MOST_OPTIONS = 6
-LONGEST = 24  # characters of a default, where there is no room for more
+LONGEST = 24  # characters of a default in narrow columns
 MORE = "show all options, by task, with their defaults"
 
 
 class CommandLine(App):
-    """Commands whose `-h` is brief, and whose `--help` names the default of each option."""
+    """Commands with a brief `-h` and a `--help` that names each default."""
 
     first: str = ""  # options that brief help shows, the most needed first
 
@@ -74,7 +74,7 @@ class Asked(NamedTuple):
 
 
 def asked_for(root: App, words: Sequence[str]) -> Asked | None:
-    """Command that a command line names, where it is now; None if there is none of that name."""
+    """Command that a command line names, in its package; None if unknown."""
     found = Asked(root, root.name[0], root)
     for word in words:
         if word.startswith("-"):

@@ -287,7 +287,7 @@ def keeping_settings(name: str, command: Command) -> Command:
         return result
 
     _sign(run, command, signature)
-    vars(run)["called"] = name  # of the program that has the command, whose package may be another
+    vars(run)["called"] = name  # of the program with the command; its package may be another
     return run
 
 
@@ -396,7 +396,7 @@ Attenuation = Annotated[
     Field(
         ge=0,
         allow_inf_nan=False,
-        description="How much a voxel of the brightest value dims what is behind it, of the "
+        description="How much a voxel of the brightest value dims voxels behind it, of the "
         "projection attenuated.",
     ),
 ]
@@ -622,7 +622,7 @@ class Sharing(Choices):
     )
     scheduler: Annotated[str | None, OptionTopic.TARGET] = Field(
         default=None,
-        description="Address of a dask scheduler whose workers do the work, such as "
+        description="Address of a dask scheduler with workers for the work, such as "
         "tcp://10.0.0.1:8786; they must see the same files under the same names.",
     )
 
@@ -662,7 +662,7 @@ class Written(Choices):
     background: Background = None
     bits: Annotated[Literal[8, 16, 32] | None, BeforeValidator(number)] = Field(
         default=None,
-        description="Bits per channel: PNG 8 or 16, TIFF also 32. [default: those of the source]",
+        description="Bits per channel: PNG 8 or 16, TIFF also 32. [default: as in the source]",
     )
 
     profile: Literal["keep", "srgb"] = Field(
@@ -679,7 +679,7 @@ class Written(Choices):
     def options(self) -> "WriteOptions":
         """Options of the picture writer.
 
-        Raises ValueError: the background is not a color, or the quality is none.
+        Raises ValueError: the background is not a color, or the quality is unknown.
         """
         from resample.files.formats import NO_LOSS, WriteOptions
 
@@ -700,10 +700,10 @@ def option_of(model: type[Choices], field: str) -> str:
 def chosen(settings: Mapping[str, Any], models: Sequence[type[Choices]]) -> list[Any]:
     """Create models of options from settings by the options' names.
 
-    Values may be those of the command line, or Python's: several numbers as a sequence, a path, one
-    of what may be given repeatedly without a list.
+    Values are as on the command line, or Python's: several numbers as a sequence, a path, one
+    value of a repeatable option without a list.
 
-    Raises TypeError: there is no such option; it says which are alike. Raises ValueError: a value
+    Raises TypeError: the option is unknown; it names similar ones. Raises ValueError: a value
     is not allowed.
     """
     parts: list[dict[str, Any]] = [{} for _ in models]

@@ -1,4 +1,4 @@
-"""Say in one line what is wrong with a command line, and what to do about it."""
+"""Explain usage errors and their remedies in one line."""
 
 import re
 import sys
@@ -30,7 +30,7 @@ GONE = ": there is no such file"
 
 
 def explained(error: BaseException, words: Sequence[str] = ()) -> str:
-    """Describe an error of a command in one line, with what to do where that is known.
+    """Describe a command's error in one line, with the remedy if known.
 
     `words`: of the command line. A missing file is told before all else.
     """
@@ -134,7 +134,7 @@ def meant(given: str, known: Collection[str]) -> str | None:
 
 
 def _remedy(error: FileNotFoundError) -> str:
-    """Return what to do about a missing file, to be appended to what is wrong."""
+    """Return the remedy for a missing file, to be appended to the message."""
     text = str(error)
     name = error.filename or (text.partition(GONE)[0] if GONE in text else "")
     if not isinstance(name, str) or not name:

@@ -116,7 +116,7 @@ def lane_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function whose innermost loop works on several numbers at once.
 
     A product and a sum may be one operation, which rounds once, and zeros have no sign. Loops
-    become lanes where what is written lies at fixed distances from all else in one array, and no
+    become lanes where results lie at fixed distances from all else in one array, and no
     index needs a look at its sign.
     """
     return _compile(function, fastmath=LANES)
@@ -126,7 +126,7 @@ def inner_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of arrays that makes none and gives none, to be called by other kernels.
 
     It counts no references, as its caller holds all arrays: bundles of many are then handed over
-    for nothing. A kernel that needs memory of its own cannot be compiled so.
+    for nothing. A kernel that allocates memory cannot be compiled so.
     """
     return _compile(function, _nrt=False)
 
@@ -137,9 +137,9 @@ def lane_step(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def inner_step(function: Callable[P, R]) -> Callable[P, R]:
-    """An inner kernel that becomes a part of what calls it: no bundles are handed over.
+    """An inner kernel that is inlined into its callers: no bundles are handed over.
 
-    For what packed kernels do time and again.
+    For steps that packed kernels repeat.
     """
     return _compile(function, fastmath=LANES, forceinline=True, _nrt=False)
 
@@ -228,13 +228,13 @@ def tasks(counter: Counter, count: int) -> Iterator[int]:
 
 
 def next_task(counter: Counter) -> int:
-    """How many tasks had been taken, of which this is one more; atomic where it is compiled."""
+    """Take a task; how many had been taken before. Atomic where it is compiled."""
     counter[0] += 1
     return int(counter[0]) - 1
 
 
 def load_soon(array: NDArray[Any], index: int) -> None:
-    """Begin to load what is around a number of a flat array; changes nothing but time."""
+    """Prefetch the surroundings of a number of a flat array; changes only the time."""
 
 
 when_compiling(lambda: _compiler[0].define_instructions(next_task, load_soon))

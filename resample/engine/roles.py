@@ -1,7 +1,7 @@
-"""Static roles: functions whose body is chosen while a kernel is compiled.
+"""Static roles: functions with a body chosen while a kernel is compiled.
 
-The engine owns the loops; what is placed in them differs between applications. A role is a function
-that such a loop calls. Which body runs is settled by the class of its first argument, a bundle that
+The engine owns the loops; their bodies differ between applications. A role is a function
+that such a loop calls. The body is chosen by the class of its first argument, a bundle that
 the application made or None, so that the machine code has no trace of the choice.
 """
 
@@ -17,7 +17,7 @@ Body = Callable[..., Any]
 
 
 def role(function: Callable[P, R]) -> Callable[P, R]:
-    """A function that does what is played (`plays`) by the class of its first argument.
+    """A function with a body registered (`plays`) for the class of its first argument.
 
     It becomes a part of the `inner_kernel` that calls it, and likewise makes and gives no arrays.
     """
@@ -54,7 +54,7 @@ def _cast(function: Callable[P, R], inline: str, **own: Any) -> Callable[P, R]:
 
 
 def plays(what: Callable[..., R], of: type) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorator of what a role does for bundles of the class `of`; `object` is all others."""
+    """Decorator of a role's body for bundles of the class `of`; `object` is all others."""
 
     def register(body: Callable[P, R]) -> Callable[P, R]:
         what.bodies[of] = body  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""Surfaces over pixels: elliptical stamps, what is in front, and sub-pixels to pixels."""
+"""Surfaces over pixels: elliptical stamps, visibility, and sub-pixels to pixels."""
 
 import math
 from typing import Any, NamedTuple
@@ -13,8 +13,8 @@ from resample.types import Doubles, Floats, Single, Tiles
 RIM = 11.0  # 3.3 standard deviations; 0.4 % of a Gaussian's mass lies beyond
 UNIT = 1.0 / (2.0 * math.pi * (1.0 - math.exp(-0.5 * RIM)))  # peak that gives V = I the mass 1
 
-# Rows of a line of splats: places of their centers, px; how far they reach, px; slope and curve as
-# of an `Ellipse`, 1 / V_yy; and their peaks. What has no peak leaves no stamp; MASS is for callers.
+# Rows of a line of splats: centers, px; how far they reach, px; slope and curve as in
+# an `Ellipse`, 1 / V_yy; and their peaks. Without a peak there is no stamp; MASS is for callers.
 X, Y, WIDE, HIGH, SLOPE, CURVE, REST, PEAK, MASS = range(9)
 ROWS = 9
 
@@ -84,13 +84,13 @@ class Ground(NamedTuple):
 
 @kernel
 def _first_pixel(bound: Single) -> int:
-    """First pixel whose center is not before a bound."""
+    """First pixel with its center not before a bound."""
     return math.ceil(float(max(bound - np.float32(0.5), np.float32(0))))
 
 
 @kernel
 def _last_pixel(bound: Single, size: int) -> int:
-    """One past the last of `size` pixels whose center is not after a bound."""
+    """One past the last of `size` pixels with its center not after a bound."""
     return math.floor(float(min(bound + np.float32(0.5), np.float32(size))))
 
 
@@ -98,7 +98,7 @@ def _last_pixel(bound: Single, size: int) -> int:
 def _weigh(
     weight: Floats, count: int, width: int, x: Single, y: Single, line: Floats, splat: int
 ) -> None:
-    """Weights of the `count` pixels of a stamp whose first center is at (x, y) from a splat's."""
+    """Weights of a stamp's `count` pixels; the first center is at (x, y) from the splat's."""
     scale = np.float32(1.0 / 32.0)
     slope, peak = line[SLOPE, splat], line[PEAK, splat]
     curve, rest = line[CURVE, splat] * scale, line[REST, splat] * scale
@@ -172,8 +172,8 @@ def _columns(line: Floats, n: int, dy: Single, rows: int, left: int, right: int)
 def add_splats(ground: Ground, values: Floats, line: Floats, count: int, weight: Floats) -> None:
     """Add a line of splats to pixels.
 
-    `values`: (1 or 3, N). `line`: (ROWS, N) of which `count` are added. `weight`: (SIDE²,) of
-    numbers to work with.
+    `values`: (1 or 3, N). `line`: (ROWS, N); the first `count` are added. `weight`: (SIDE²,)
+    scratch numbers.
     """
     sums, start, width, height = ground
     lanes = values.shape[0] + 1
@@ -202,7 +202,7 @@ FULL: Single = np.float32(1 - 1e-3)  # coverage beyond which nothing shows throu
 
 # Lanes of the surface at hand: three weighted channels, weight, weighted nearness and coverage.
 WEIGHT, NEAR, COVER = 3, 4, 5
-# Lanes of what is seen: three channels, coverage, coverage × depth, nearness of the first surface.
+# Lanes of a surface: three channels, coverage, coverage × depth, nearness of the first surface.
 DEPTH, FIRST = 4, 5
 LANES = 6
 
@@ -357,7 +357,7 @@ def resolve_rows(counter: Counter, fine: Floats, weight: Floats, n: int, picture
 
 
 def nearest_of_rows(depth: Floats, n: int, margin: int, nearest: Floats) -> None:
-    """Find the least depth (H, W) in each pixel's own square, of those of n² sub-pixels each.
+    """Find the least depth (H, W) of the n² sub-pixels in each pixel's own square.
 
     These lie around the picture for `margin` px, too.
     """
@@ -373,7 +373,7 @@ def middle_of_rows(
 ) -> None:  # fmt: skip
     """Find the surface that shows most in each pixel's own square: the middle one by nearness.
 
-    `nearness`, `beside`: (H n, W n) of sub-pixels, 0 where nothing is; and what else is known of
+    `nearness`, `beside`: (H n, W n) of sub-pixels, 0 where empty; and other quantities of
     them. `middle`, `middle_beside`: (H, W) filled: both of the middle sub-pixel among those where
     something is.
     """
@@ -396,7 +396,7 @@ def middle_of_rows(
             middle_beside[row, column] = other[count // 2] if is_any else np.float32(0)
 
 
-Members = Any  # a bundle of all that may be painted
+Members = Any  # a bundle of everything that may be painted
 Picture = Any  # a bundle that pixels are written to
 TileBlock = Any  # the sub-pixels of a tile; `sums` are what the surface at hand leaves there
 
@@ -434,7 +434,7 @@ def add(members: Members, member: int, block: TileBlock) -> None:
 
 @called_role
 def claimed(members: Members, tiles: Tiles, tile: int, block: TileBlock) -> None:
-    """Note what is to be known of a tile when its first surface is, before anything is added."""
+    """Prepare a tile when its first surface is known, before anything is added."""
     raise NotImplementedError
 
 
@@ -461,7 +461,7 @@ def _composed(
 
 @making_role
 def write(picture: Picture, block: TileBlock) -> None:
-    """Write the pixels of a tile whose surfaces are all composed."""
+    """Write the pixels of a tile with all surfaces composed."""
     raise NotImplementedError
 
 

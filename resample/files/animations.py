@@ -151,8 +151,8 @@ def write_film(
 ) -> None:
     """Write an animation in the format of its suffix, or into a folder.
 
-    `path`: target with a suffix in `FILMS`, or a folder, whose other files are kept. `shots`:
-    frames of one size. An interrupted run keeps those that are done, and says so. `fps`: frames per
+    `path`: target with a suffix in `FILMS`, or a folder; its other files are kept. `shots`:
+    frames of one size. An interrupted run keeps its finished frames, and says so. `fps`: frames per
     second; GIF rounds to 1/100 s, folders ignore it. `resume`: make only missing frames.
     `progress`: called with the fraction done after each new frame. `executor`: makes frames;
     processes need shots that pickle, and write frames themselves. Only this process claims and

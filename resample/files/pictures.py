@@ -132,7 +132,7 @@ def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
 
 @dataclass(frozen=True, eq=False)
 class LoadablePicture:
-    """A picture whose header has been read."""
+    """A picture after its header was read."""
 
     path: Place
     page: int
@@ -197,7 +197,7 @@ class LoadablePicture:
         """A JPEG at 1/2, 1/4 or 1/8 of its size, at least as large as that; None if it is smaller.
 
         libjpeg leaves finer waves out as it decodes, which takes a fraction of the time. Also
-        given: a matrix (3, 3) from its px to those of the whole.
+        given: a matrix (3, 3) from its px to the whole's.
         """
         from PIL import Image
 

@@ -179,7 +179,7 @@ def tell_empty(path: Path, is_empty: bool) -> None:
 
 
 def tell_unchanged(path: Path, made: Picture, given: Picture, remedy: str) -> None:
-    """Say that a picture is the one that was given, if it is, and what to do about it."""
+    """Warn if a picture equals its input, with the remedy."""
     before, after = given.data, made.data
     if made.kind.has_alpha and not given.kind.has_alpha:
         is_opaque = after[..., -1].min() == after[..., -1].max()

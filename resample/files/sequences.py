@@ -269,7 +269,7 @@ def _film_frames(path: Path, begin: float = 0.0) -> Iterator[Picture]:
             has_alpha = any(part.is_alpha for part in frame.format.components)
             is_deep = not has_alpha and any(part.bits > 8 for part in frame.format.components)
             form = "rgba" if has_alpha else "rgb48le" if is_deep else "rgb24"
-            # Large frames that do not state their color coding use that of HDTV.
+            # Large frames that do not state their color coding use HDTV's.
             coding: Any = Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601
             coding = int(frame.colorspace) if int(frame.colorspace) in known else coding
             levels = frame.to_ndarray(format=form, src_colorspace=coding)
@@ -468,7 +468,7 @@ def _is_pattern(path: Path) -> bool:
 
 
 def _name(source: Place, pattern: str | None) -> str:
-    """Name of a result: by a pattern, or that of its source if its format can be written."""
+    """Name of a result: by a pattern, or its source's if the format can be written."""
     if pattern is not None:
         return pattern.replace("*", Path(source.name).stem)
     suffix = source.suffix.lower()
@@ -494,8 +494,8 @@ def write_in_parts(
     """Write a film; after an interruption its finished parts are kept in a hidden folder.
 
     `path`: target with a suffix of `resample.files.films.FORMATS`. `pictures`: function that gives
-    the pictures from a number on. `film`: display times, and the file whose sound and subtitles are
-    copied. `job`: JSON values; films of equal jobs are equal. `resume`: continue with the parts of
+    the pictures from a number on. `film`: display times, and the file with the sound and subtitles
+    to copy. `job`: JSON values; films of equal jobs are equal. `resume`: continue with the parts of
     an earlier run; None: keep none after an error. Raises ValueError: the existing parts belong to
     another film. Raises OSError: the target cannot be written.
     """

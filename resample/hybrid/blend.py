@@ -1,4 +1,4 @@
-"""What becomes of all that a pixel gets: sum, nearest surface or over."""
+"""Blending: sum, nearest surface or over."""
 
 from typing import NamedTuple
 
@@ -177,7 +177,7 @@ WAITING = np.dtype(
     [
         ("layer", np.int32),
         ("first", np.float32),  # depth of the first of them
-        ("red", np.float32),  # sums of what they add
+        ("red", np.float32),  # sums of the samples' light
         ("green", np.float32),
         ("blue", np.float32),
         ("opacity", np.float32),
@@ -192,7 +192,7 @@ class OverBlend(NamedTuple):
     """Composite samples that come in depth order.
 
     A splat's amount is a length, a point's the part of the pixel that it covers. Points do not hide
-    each other, as they may be side by side: those of one layer are summed, and the sum is
+    each other, as they may be side by side: points of one layer are summed, and the sum is
     composited when the pixel gets anything else.
     """
 

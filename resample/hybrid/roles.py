@@ -1,10 +1,10 @@
-"""What becomes of all that a pixel gets: this, not the painting, is where the applications differ.
+"""Blending: the applications differ here, not in painting.
 
     WeightedSum     section 3, texture mapping: everything is added, and divided by its weights
     NearestSurface  section 3, depth images: what lies on the nearest surface is added
     OverBlend       section 4.1, volumes: splats one by one, points as sums of a layer
 
-A blend is a bundle of pictures (H, W, ...) that start empty and of what it needs to know of samples
+A blend is a bundle of pictures (H, W, ...) that start empty, and of data of samples
 (N, ...), in the order of their records. A pixel belongs to one thread.
 """
 
@@ -26,13 +26,13 @@ def sweeps(blend: Blend) -> int:
 
 @role
 def is_open(blend: Blend, row: np.uint64, column: np.uint64) -> bool:
-    """Whether anything that comes now can change the pixel."""
+    """Whether later samples can change the pixel."""
     raise NotImplementedError
 
 
 @role
 def sample_of(blend: Blend, s: Record, n: np.uint64) -> Any:
-    """What `touch` has to know of sample n, whose record is s: read once for all pixels."""
+    """Data of sample n, with the record s, for `touch`: read once for all pixels."""
     raise NotImplementedError
 
 

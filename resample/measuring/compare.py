@@ -24,7 +24,7 @@ DPI = 100
 MARGIN = 12  # px around each picture
 LINE = 16  # px per line of text
 SMALLEST = 192  # px; narrower pictures are enlarged
-RUNS = 5  # of what is timed; their median is the time
+RUNS = 5  # per timing; their median is the time
 PATIENCE = 2.0  # seconds for all runs
 
 Row = Mapping[str, object]

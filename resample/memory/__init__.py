@@ -159,7 +159,7 @@ def require(what: str, parts: dict[str, int], remedy: str) -> None:
 
 
 def _limit() -> int | None:
-    """Bytes that the limits of this process allow; None if there are none."""
+    """Bytes that this process's limits allow; None if unlimited."""
     try:
         import resource
     except ImportError:  # Windows

@@ -29,7 +29,7 @@ ALIGNED = 64  # bytes
 class SharedBricks:
     """Bricks by number, as many as fit in some bytes.
 
-    Each has a place of its own, so that no process waits for another. Two may write the same values
+    Each has its own place, so that no process waits for another. Two may write the same values
     at once; a checksum says whether they are complete. The file disappears with its process.
     """
 
@@ -109,7 +109,7 @@ def _opened(path: str, token: bytes, form: tuple[int, int]) -> SharedBricks | No
 Step = tuple[int, ...]  # an index or a size along each axis, such as z, y, x
 Box = tuple[slice, ...]  # likewise
 
-SHARE = 8  # memory limit over that of the pinned bricks
+SHARE = 8  # memory limit over the limit of the pinned bricks
 OWN = uuid4().hex  # identifies caches of this process
 
 
@@ -132,7 +132,7 @@ class PinnedCache:
 
     All passes go over the bricks in the same order, so an LRU cache would be useless for the next
     one. It is pickled without its bricks: in another process, all parts of one command's work share
-    a cache of that process. That ends with the process, or when it works for another command.
+    a cache of that process. It ends with the process, or when it works for another command.
     """
 
     def __init__(self, most: int, name: tuple[str, str] | None = None) -> None:
@@ -177,7 +177,7 @@ _CACHES_LOCK = Lock()
 
 
 def _cache_here(most: int, name: tuple[str, str]) -> PinnedCache:
-    """Return this process's cache of a command, and drop those of other commands."""
+    """Return this process's cache of a command, and drop other commands' caches."""
     with _CACHES_LOCK:
         for other in [other for other in _CACHES if other[0] != name[0]]:
             del _CACHES[other]
@@ -193,14 +193,14 @@ def is_known_by_its_ends(dtype: np.dtype[Any]) -> bool:
 
 @dataclass(eq=False)
 class BrickArray:
-    """An array in a file, of which bricks are read on demand."""
+    """An array in a file, with bricks that are read on demand."""
 
     read: Callable[[Box], NDArray[Any]]  # reads the values of a box from the file
     shape: Step
     dtype: np.dtype[Any]
     side: Step  # elements of a brick; the last along each axis may be smaller
     found: dict[Any, Any] = field(default_factory=dict)  # facts, see `resample.outofcore.passes`
-    memory: int | None = None  # memory limit for all that is made of them; None: the machine's
+    memory: int | None = None  # memory limit for all data made of them; None: the machine's
     reads: int = 0  # counts bricks read
     pinned: PinnedCache | None = None  # pinned bricks, as stored in the file
     shared: SharedBricks | None = None  # pinned bricks that other processes have, too
@@ -256,7 +256,7 @@ class BrickArray:
         return stored
 
     def share_bricks(self) -> None:
-        """Let processes of this machine share pinned bricks, of which none reads one again."""
+        """Let processes of this machine share pinned bricks, so that each is read once."""
         if self.pinned is not None and self.shared is None:
             bricks = prod(self.count)
             shared = SharedBricks.within(self.pinned.most, bricks, self.bytes_each)

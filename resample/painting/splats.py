@@ -52,7 +52,7 @@ class SplatPainter:
     key: str  # "depth" or "distance", see `EverySample`
     inflated: float  # px; splats of closer neighbours are as wide as for this spacing
     blurred: float  # px², added to the variance of splats
-    is_spread: bool = True  # what is smaller than a sub-pixel keeps its light
+    is_spread: bool = True  # splats smaller than a sub-pixel keep their light
     is_linear: bool = False  # opacities are α F of classic splatting
 
     def paint(
@@ -87,7 +87,7 @@ class SplatPainter:
 
             film = painted_on_subpixels(part, view, size, parts, progress)
         clock.lap("paint")
-        painted, hidden, points = found.tolist()  # what is smaller than a sub-pixel is a point
+        painted, hidden, points = found.tolist()  # splats smaller than a sub-pixel are points
         tally = np.array([[points, painted - points, hidden, fine]])
         splats = painted - points + hidden
         statistics = Statistics(count, points, splats, hidden, fine, clock.seconds)
@@ -183,7 +183,7 @@ def _batches(scene: ShapedScene, samples: Samples) -> Iterator[NDArray[np.int64]
 
 
 def _chosen(samples: Samples, index: NDArray[np.int64]) -> Samples:
-    """Those of the samples that have these numbers."""
+    """The samples with these numbers."""
     position, color, extinction = (array.take(index, axis=0) for array in samples[:3])
     scale = None if samples.scale is None else samples.scale.take(index)
     return Samples(position, color, extinction, samples.lattice, scale)
@@ -261,11 +261,11 @@ class SampleSource(NamedTuple):
         return [min(PART, count - first) for first in range(0, count, PART)]
 
     def kernel(self) -> Reconstruction:
-        """As of all of them."""
+        """As for all of them."""
         return self.reconstruction
 
     def load(self, part: int, view: View, /) -> Ellipsoids:
-        """Ellipsoids of a part, whose masses are those of their samples."""
+        """Ellipsoids of a part, with the masses of their samples."""
         rows, whole = slice(part * PART, (part + 1) * PART), self.samples
         position, color, extinction = (array[rows] for array in whole[:3])
         size = None if whole.scale is None else whole.scale[rows]
@@ -304,7 +304,7 @@ def light_taken(kernel: Reconstruction, is_linear: bool) -> Floats:
 
 
 def _quaternion(axes: Doubles) -> Floats:
-    """Quaternion w, x, y, z of a rotation whose columns, or their opposites, are these."""
+    """Quaternion w, x, y, z of a rotation with these columns, or their opposites."""
     turn = axes * np.sign(np.linalg.det(axes))
     # The eigenvector of the largest eigenvalue (Bar-Itzhack 2000).
     (a, b, c), (d, e, f), (g, h, i) = turn

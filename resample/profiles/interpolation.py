@@ -142,7 +142,7 @@ class Spline:
 
 @dataclass(frozen=True)
 class AreaSpline(Spline):
-    """Spline whose mean over the extent of every sample equals that sample.
+    """Spline with means over the samples' extents equal to the samples.
 
     A shift then acts like an interpolating spline one degree higher, means over whole samples are
     exact, and sums are preserved.
@@ -286,7 +286,7 @@ def _half_steps(interpolation: Interpolation) -> float:
 def cumulative(interpolation: Interpolation) -> tuple[Doubles, Doubles]:
     """Integral of an interpolation's kernel from its start: places, and its values there.
 
-    Weights are normalised so that those of all samples sum to 1 at every place.
+    Weights are normalised: all samples' weights sum to 1 at every place.
     """
     radius = _half_steps(interpolation)
     taps = int(2.0 * radius)
@@ -379,7 +379,7 @@ def _at_points(interpolation: Interpolation, fraction: Doubles) -> Doubles:
 def integrals(interpolation: Interpolation, phases: int, ones: int) -> "Integral":
     """Integral of an interpolation's kernel, with weights normalised to sum 1 everywhere.
 
-    Row p of the table is for positions whose distance from a sample's center, minus `shift`, has
+    Row p of the table is for positions with a distance to a sample's center, minus `shift`, of
     the fraction p / phases.
     """
     from resample.engine.windows.boxes import Integral
@@ -388,7 +388,7 @@ def integrals(interpolation: Interpolation, phases: int, ones: int) -> "Integral
     is_whole = radius == int(radius)
     taps, before = int(2.0 * radius), math.ceil(radius - 0.5) - is_whole
     fine, integral = cumulative(interpolation)
-    # A fraction may be rounded to 1, whose row is read with the next one.
+    # A fraction may be rounded to 1; its row is read with the next one.
     phase = np.arange(phases + 2) / phases - (0.0 if is_whole else 0.5)
     table = np.zeros((phases + 2, taps + 2 * ones), np.float32)
     table[:, :ones] = 1.0

@@ -15,7 +15,7 @@ def once(make: Callable[..., R]) -> Callable[..., R]:
     """Memoize a function of a frozen dataclass, which cannot change, and of other keys.
 
     Computing tables takes longer than painting a small picture. The results are read only. For
-    other objects, such as those of plugins that are not hashable, it is called each time.
+    other objects, such as plugins' that are not hashable, it is called each time.
     """
     kept = lru_cache(maxsize=64)(make)
 
@@ -48,14 +48,14 @@ def plugin_of(group: str, given: Any, name: str = "") -> Any:
     group
         One of `registry.GROUPS`.
     given
-        An object, or what `registry.build` takes.
+        An object, or an argument of `registry.build`.
     name
         Of the argument, for the error; "": the group's.
 
     Raises
     ------
     LookupError, ValueError
-        As in `registry.build`; or the object is none of the group.
+        As in `registry.build`; or the object does not belong to the group.
     """
     if isinstance(given, str):
         return registry.build(group, given)
@@ -66,7 +66,7 @@ def plugin_of(group: str, given: Any, name: str = "") -> Any:
 
 
 class _Held(Generic[T]):
-    """Field of a frozen dataclass that holds an object, and is set by what stands for one."""
+    """Field of a frozen dataclass that holds an object, and is set by name or object."""
 
     default: T
 
@@ -123,7 +123,7 @@ def member_of(kind: type[E], given: Any, name: str) -> E:
     Raises
     ------
     ValueError
-        There is none.
+        The name is unknown.
     """
     if not isinstance(given, str) or given not in list(kind):
         raise ValueError(f"{name} {shortly(given)}; known: {', '.join(kind)}")

@@ -81,8 +81,8 @@ def application(
 ) -> "Starlette":
     """Web application that serves a view to clients with the token, from these hosts (with port).
 
-    The address at which a connection arrives will do as well: a name of another's that leads here
-    is none. `shown` is called when a page has received a complete picture.
+    The address at which a connection arrives is also accepted; a foreign host name that leads here
+    is not. `shown` is called when a page has received a complete picture.
     """
     from starlette.applications import Starlette
     from starlette.responses import Response

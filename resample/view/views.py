@@ -103,14 +103,14 @@ class Filming(Protocol):
 
 @runtime_checkable
 class Warming(Protocol):
-    """Interface of views whose other kinds of pictures can be compiled in advance."""
+    """Interface of views that compile other kinds of pictures in advance."""
 
     def warm(self) -> Iterator[None]:
         """Paint a tiny picture of each kind that pages may request, one per step."""
 
 
 class Viewable(Protocol):
-    """Interface of what pages can show.
+    """Interface of objects that pages can show.
 
     A plugin of the group `resample.views` has the name of an application with a command `view`. It
     is a function that tells whether the command can show files with such names.
@@ -120,11 +120,11 @@ class Viewable(Protocol):
     def about(self) -> dict[str, Any]:
         """Description of the view for a page, as JSON values.
 
-        `title`; `command`, its `inputs` and `fixed` options; `package` whose `viewing` has a
+        `title`; `command`, its `inputs` and `fixed` options; `package` with a `viewing` that has a
         `function` (`picture`) of inputs and options; if there is a `film` through keyframes, its
         `command`, the name of their `file`, the options that they set (`steered`), those it has
         (`options`; default all) and, if needed, the frames from `each` keyframe to the next;
-        `controls` from `controls_of`; initial `settings`, whose camera may be changed so that the
+        `controls` from `controls_of`; initial `settings`; their camera may be changed so that the
         object `fills` the picture ("outside": the eye is never in its midst); other renderers
         (`rivals`) by name, with the reason if one is unavailable; `names` that options may have,
         by option; and data of its page, such as a `histogram`.

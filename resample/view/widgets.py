@@ -39,7 +39,7 @@ class Viewer(anywidget.AnyWidget):
     view
         The view to show.
     settings
-        Initial options, in addition to those of the view.
+        Initial options, in addition to the view's.
     holds
         Folder of temporary files that lives as long as the widget.
 
@@ -120,7 +120,7 @@ class Viewer(anywidget.AnyWidget):
             send = partial(self._say, page)
             self._sessions[page] = PageSession(self._view, send, begun=lambda: self.settings)
             about = {**self._view.about, "settings": self.settings, "width": self._size[0]}
-            about["fills"] = False  # the settings are those of the notebook
+            about["fills"] = False  # the notebook has the settings
             await send(json.dumps({"kind": "about", **about}))
         elif content.get("kind") == "closed":
             await self._forget(page)
@@ -154,7 +154,7 @@ def named(settings: Mapping[str, Any]) -> dict[str, Any]:
 def kept(
     name: str, given: Any, write: Callable[[Path, Any], object], folder: Folder | None = None
 ) -> tuple[str, Folder | None]:
-    """File of what a notebook shows; an array is written to a temporary folder, given or new."""
+    """File of a notebook's object; an array is written to a temporary folder, given or new."""
     if isinstance(given, str | Path):
         return str(given), folder
     folder = folder or TemporaryDirectory(prefix="view-")

@@ -103,15 +103,15 @@ def test_opacity_and_sums_say_themselves_where_nothing_is():
     ("choices", "message"),
     [
         ({"fill": "black"}, "fill is a number or 'premultiplied', not 'black'"),
-        ({"fill": 300}, "fill 300 is no uint8; give a value of that type"),
-        ({"nodata": -1}, "nodata -1 is no uint8; give a value of that type"),
-        ({"nodata": 0.5}, "nodata 0.5 is no uint8; give a value of that type"),
+        ({"fill": 300}, "fill 300 does not fit uint8; give a value of that type"),
+        ({"nodata": -1}, "nodata -1 does not fit uint8; give a value of that type"),
+        ({"nodata": 0.5}, "nodata 0.5 does not fit uint8; give a value of that type"),
     ],
 )
 def test_values_that_a_type_does_not_hold_are_refused(choices, message):
     with pytest.raises(ValueError, match=message):
         warp(np.zeros((8, 8), np.uint8), TURNED, FRAME, **choices)
-    with pytest.raises(ValueError, match="a masked array says what is missing; leave nodata out"):
+    with pytest.raises(ValueError, match="a masked array marks missing values; leave nodata"):
         warp(np.ma.MaskedArray(np.zeros((8, 8))), TURNED, FRAME, nodata=0)
 
 

@@ -121,7 +121,7 @@ def render(
     Raises
     ------
     ValueError, TypeError
-        The scene holds nothing that can be drawn, or a choice does not go with it.
+        The scene is empty, or a choice does not go with it.
     OSError
         The file is missing or damaged.
 

@@ -73,7 +73,7 @@ class CloudScene(AnyScene):
 
     @cached_property
     def fewer(self) -> "CloudScene":
-        """The scene of at most 200,000 points, each of which stands for several; for previews."""
+        """The scene of at most 200,000 points, each for several; for previews."""
         surfels = self.surfels
         per = -(-len(surfels.position) // FEW)
         if per < 2:
@@ -150,7 +150,7 @@ class CloudScene(AnyScene):
         size: tuple[int, int] = (640, 480),
         **choices: Any,
     ) -> PickedPoint | None:
-        """Return what is visible at a point of the picture; None if nothing is.
+        """Return the visible point at a position of the picture; None if empty.
 
         Parameters
         ----------

@@ -375,7 +375,7 @@ def _stretches(places: Integers) -> Iterator[tuple[slice, slice]]:
 def _part_of(
     image: Any, drawing: Drawing, window: PictureWindow
 ) -> tuple[NDArray[Any], Drawing, tuple[slice, slice]]:
-    """Return the part of a picture that a window shows, its drawing, and its part of that."""
+    """Return a window's part of a picture, its drawing, and its part of the drawing."""
     size, (left, top, right, bottom) = (image.shape[0], image.shape[1]), window.target
     geometry, shape, inner = drawing.geometry, (bottom - top, right - left), np.s_[:, :]
     if isinstance(geometry, BackwardMap):
@@ -454,7 +454,7 @@ def picked(image: NDArray[Any], picks: Picks, alpha: AnyAlpha | None = None) -> 
 
 
 def _run_with_gaps(drawing: Drawing, texels: Floats, gaps: int) -> Warped:
-    """Warp texels whose last channels mark where values exist."""
+    """Warp texels with last channels that mark existing values."""
     channels = texels.shape[2] - gaps
     # Up to four channels are warped alone, with the bits that they have without missing values.
     if gaps == 0 or channels > 4:

@@ -189,7 +189,7 @@ class Classification(StrEnum):
 
 @dataclass(frozen=True)
 class Appearance:
-    """What is visible of a volume, and its look.
+    """Visible part of a volume, and its look.
 
     Examples
     --------
@@ -201,7 +201,7 @@ class Appearance:
     Frame(32 × 24 px, 31.6 % covered, depth from 32.95)
     """
 
-    transfer: Transfer | str = "auto"  # function, or what `load_transfer` takes
+    transfer: Transfer | str = "auto"  # function, or an argument of `load_transfer`
     light: Light | None = field(default_factory=Light)  # None: colors as they are
     gradient: Gradient = GRADIENT  # or sobel
     gradient_opacity: tuple[float, float] | None = None  # see `classify`
@@ -243,7 +243,7 @@ class Appearance:
         if self.labels is not None:
             from resample_volume.classification.labels import Labels
 
-            check_kind("labels", self.labels, Labels, "Labels, such as those of read_labels")
+            check_kind("labels", self.labels, Labels, "Labels, such as read_labels returns")
         if self.gradient not in list(GRADIENTS):
             raise ValueError(f"gradient {shortly(self.gradient)}; known: {', '.join(GRADIENTS)}")
         if self.gradient_opacity is not None:

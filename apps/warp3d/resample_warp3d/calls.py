@@ -42,20 +42,20 @@ LayoutOptions = TypedDict("LayoutOptions", {  # noqa: UP013
 
 
 class RenderOptions(DepthOptions, TargetOptions, total=False):
-    """Options of `render`: those of the command."""
+    """Options of `render`, as in the command."""
 
     move: str | tuple[float, float, float]
     turn: str | tuple[float, ...]
 
 
 class StereoOptions(DepthOptions, CommandOptions, LayoutOptions, total=False):
-    """Options of `stereo`: those of the command, and `disparity` in place of a depth."""
+    """Options of `stereo`, as in the command, and `disparity` in place of a depth."""
 
     intrinsics: ArrayLike
 
 
 class AnimateOptions(DepthOptions, TargetOptions, FilmOptions, total=False):
-    """Options of `animate`: those of the command."""
+    """Options of `animate`, as in the command."""
 
     intrinsics: ArrayLike
     amount: float
@@ -83,7 +83,7 @@ def render(
     depth
         A path, or numbers (H, W) of the kind that `depth_kind` says; otherwise z, scene units.
     intrinsics
-        `(fx, fy, cx, cy)` or a matrix (3, 3), px, of which 0 is the first pixel's corner; or a
+        `(fx, fy, cx, cy)` or a matrix (3, 3), px; 0 is the first pixel's corner; or a
         file. `fov=` will do in its place; without either 60 degrees are assumed, with a warning.
     pose
         World to camera, (3, 4) or (4, 4), or a file. Or `move=(x, y, z)`, to the right, down and

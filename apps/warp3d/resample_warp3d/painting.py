@@ -29,8 +29,8 @@ MARGIN = 8  # px that the halves of a panorama overlap, on each side
 LEAST_ROWS = 3  # of a panorama, beside each pole, taken from a picture of the pole
 MOST_ROWS = 0.15  # of its height: most such rows
 REACHES = 3  # times the extent of the cells over the pole
-FINE = 4  # px of that picture per row of the panorama
-SAMPLES = 8, 4  # of that picture, down and across, per pixel of the panorama
+FINE = 4  # px of the picture per row of the panorama
+SAMPLES = 8, 4  # of the picture, down and across, per pixel of the panorama
 
 PassageMethod = Callable[[Source, Passage, Shape], Rendered]
 
@@ -107,7 +107,7 @@ def trusted(rendered: Rendered, source: Source, passage: Passage) -> Floats:
 
 
 def _last_known(nearness: Floats) -> Floats:
-    """Return the last finite number to the left of each pixel; inf if there is none."""
+    """Return the last finite number to the left of each pixel, or inf."""
     width = nearness.shape[1]
     at = np.where(np.isfinite(nearness), np.arange(width), 0)
     return np.take_along_axis(nearness, np.maximum.accumulate(at, axis=1), axis=1)

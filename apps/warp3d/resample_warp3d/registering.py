@@ -26,8 +26,8 @@ def registered(
 
     Returns
     -------
-    Nearness of the nearest surface that covers most of each pixel; 0 where there is none, as in the
-    shadow of what hides a part from the depth camera: `refine="complete"` fills that.
+    Nearness of the nearest surface that covers most of each pixel; 0 where none does, as in the
+    shadow of objects that hide a part from the depth camera: `refine="complete"` fills that.
 
     Raises
     ------

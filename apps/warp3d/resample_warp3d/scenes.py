@@ -1,4 +1,4 @@
-"""Open a depth image once, render it often: what is independent of the target is kept."""
+"""Open a depth image once, render it often: target-independent data are cached."""
 
 from dataclasses import replace
 from functools import partial
@@ -158,7 +158,7 @@ class DepthScene(AnyScene):
         return self.camera.moved(pose)
 
     def _method(self, method: str | Method) -> str | Method:
-        """Return a method by name, cached with what it found in the source."""
+        """Return a method by name, cached with its analysis of the source."""
         if not isinstance(method, str):
             return method
         from resample import registry

@@ -281,8 +281,8 @@ def as_light(color: Any) -> Floats:
 
 
 @takes(
-    instead="render(prepare(DepthImage(color, 1 / depth)), equation, shape, method) draws what is "
-    "prepared; warp(color, depth, source, target) takes a picture, its depth and two cameras"
+    instead="render(prepare(DepthImage(color, 1 / depth)), equation, shape, method) draws prepared "
+    "sources; warp(color, depth, source, target) takes a picture, its depth and two cameras"
 )
 def render(
     source: Source,
@@ -301,7 +301,7 @@ def render(
         Result of `preparation.prepare`; one serves any number of targets.
     equation
         Result of `equation.between` or `equation.of_rectified`; or of
-        `wide.passages.mapping_between`, whose targets may have a lens, be panoramas or parallel,
+        `wide.passages.mapping_between` (targets may have a lens, be panoramas or parallel),
         for the method hybrid.
     shape
         Height and width of the target, px.

@@ -88,7 +88,7 @@ def _structured(found: Sections) -> tuple[Any, int]:
         elif key == "field":
             found.skip_field(words)
         else:
-            raise ValueError(f"{found.name}: {words[0]!r:.40} is no word of a structured grid")
+            raise ValueError(f"{found.name}: {words[0]!r:.40} is not part of a structured grid")
     found.back()
     if points is None or len(points) != 3 * math.prod(shape) or not shape:
         raise ValueError(f"{found.name} is damaged: its points are not as many as its DIMENSIONS")
@@ -115,7 +115,7 @@ def _unstructured(found: Sections) -> tuple[Any, int]:
         elif key == "field":
             found.skip_field(words)
         else:
-            raise ValueError(f"{found.name}: {words[0]!r:.40} is no word of an unstructured grid")
+            raise ValueError(f"{found.name}: {words[0]!r:.40} is not part of an unstructured grid")
     found.back()
     if cells is None or len(cells[0]) != len(kinds) + 1 or not len(points):
         raise ValueError(f"{found.name} is damaged: its points, cells or their kinds are missing")

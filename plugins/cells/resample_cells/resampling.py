@@ -43,7 +43,7 @@ def check_cells(data: Any, name: str) -> None:
 
     points = vtk_to_numpy(data.GetPoints().GetData()) if data.GetPoints() else np.empty((0, 3))
     if not np.isfinite(points).all():
-        raise ValueError(f"{name} is damaged: some of its points are no numbers")
+        raise ValueError(f"{name} is damaged: some of its points are not numbers")
     if data.IsA("vtkStructuredGrid"):
         shape = points_along(data)
         check_shape(shape, name)

@@ -30,7 +30,7 @@ PlaceFunction = Callable[[Any, Any], Any]  # from x and y to x and y
 def coarsely(
     function: PlaceFunction, shape: tuple[int, int], error: float, exact: Any = ()
 ) -> BackwardMap:
-    """Return the map of a function from x and y of pixels to those of the source.
+    """Return the map of a function from x and y of pixels to x and y of the source.
 
     The error is checked at the middles of the grid's cells and of their sides. Cells where it may
     be larger, or where the function is not a number, and the cells beside them, are evaluated at

@@ -142,7 +142,7 @@ def key_of(given: Any) -> str:
 
 
 def _dtype(given: Any) -> str:
-    """Name of what an array holds: `library.dtype_name` of the same."""
+    """Name of an array's dtype, as in `library.dtype_name`."""
     return library.dtype_name(as_dtype(given))
 
 
@@ -339,7 +339,7 @@ def _pack(compiled: Any) -> None:
 class _Part(JITCodeLibrary):  # type: ignore[misc]
     """Code of a kernel that becomes a part of those that call it, and is never run by itself.
 
-    numba would make machine code of it and of all that it calls, which nothing would use.
+    numba would compile it and everything that it calls, which nothing would use.
     """
 
     def _finalize_final_module(self) -> None:
@@ -360,7 +360,7 @@ class _Unheard:
 
     @staticmethod
     def set_env(name: str, environment: Any) -> None:
-        """Parts raise nothing that would need an environment of theirs."""
+        """Parts raise no exceptions, which would need an environment each."""
 
 
 class PartCompiler(Compiler):  # type: ignore[misc]
@@ -376,7 +376,7 @@ OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 PART = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
 
 
-_overloads: list[Callable[[], None]] = []  # that tell numba of what kernels call
+_overloads: list[Callable[[], None]] = []  # that declare to numba the functions that kernels call
 
 
 def define(
@@ -397,8 +397,8 @@ def define(
 def define_part(called: Any, function: FunctionType, options: dict[str, Any]) -> None:
     """Tell numba of a kernel that other kernels call.
 
-    It is compiled with them, without the code that unpacks Python's arguments and without machine
-    code of its own: both would take a fifth of the time.
+    It is compiled with them, without the code that unpacks Python's arguments and without its own
+    machine code: both would take a fifth of the time.
     """
     called.settings = _settings()
     inner = {**OPTIONS, **options, **PART}
@@ -412,7 +412,7 @@ def define_role(
     inline: str,
     options: dict[str, Any],
 ) -> None:
-    """Tell numba of a role, whose body the class of the first argument chooses."""
+    """Declare a role to numba; the first argument's class chooses its body."""
 
     def chosen(*given: Any) -> Callable[..., Any] | None:
         first = given[0]

@@ -1,4 +1,4 @@
-"""Fingerprints of what numba compiles: a kernel's function, and all that its code names.
+"""Fingerprints of code that numba compiles: a kernel's function, and the names in it.
 
 numba reads byte code and values, so these count: byte code without positions and docstrings, and
 values of globals, of attributes of modules, of defaults and of free variables, as they are when it
@@ -26,7 +26,7 @@ KIND = 0xFF  # flags of a code that tell what arguments it takes, and whether it
 
 
 def made_from(called: Any, classes: Iterable[type]) -> tuple[str, list[str]]:
-    """Fingerprint of what a kernel is compiled from, and names of that.
+    """Fingerprint of a kernel's sources, and their names.
 
     `called`: the kernel, as kernels and Python call it. `classes`: of the bundles that it is called
     with. Names are those of functions, classes and constants, and of modules that
@@ -49,7 +49,7 @@ class _Walk:
         self._roles: list[dict[type, FunctionType]] = []  # bodies of each
 
     def described(self) -> list[str]:
-        """Texts of all that is found, and of the bodies that its classes play in its roles."""
+        """Texts of everything found, and of the bodies that its classes play in roles."""
         told: list[str] = []
         played: list[str] = []
         while len(told) < len(self._waiting):
@@ -121,7 +121,7 @@ class _Walk:
         return f"#{self._numbers[thing]}"
 
     def _members(self, known: dict[str, Any], home: str, names: tuple[str, ...]) -> str:
-        """Text of what names stand for in a module, as far as they are there."""
+        """Text of the objects that names stand for in a module, as far as they exist."""
         told = (f"{n} {self.text(known[n], f'{home}.{n}', names)}" for n in names if n in known)
         return f"{home}({', '.join(told)})"
 

@@ -1,6 +1,6 @@
 """Files of compiled kernels in the user's cache: one for each kernel and types of its arguments.
 
-A file's name is a fingerprint of all that its machine code depends on, so a file is never out of
+A file's name is a fingerprint of everything its code depends on, so a file is never out of
 date: a clone, a copy and a wheel of the same sources share it, and an edit makes other names.
 """
 
@@ -31,13 +31,13 @@ class Entry(NamedTuple):
 
     kernel: str  # module and name
     key: str  # types of the arguments
-    parts: list[str]  # names of what it was compiled from
+    parts: list[str]  # names of its sources
     seconds: float  # of CPU time that this took
     payload: bytes  # pickled by numba
 
 
 def read(path: Path) -> Entry | None:
-    """Entry in a file; None if there is none, or if it is damaged: then it is removed."""
+    """Entry in a file; None if it is missing, or damaged: then it is removed."""
     try:
         data = own_bytes(path)
     except NotOwnError as error:

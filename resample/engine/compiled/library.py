@@ -3,8 +3,8 @@
 `make kernels` builds it, and wheels have it. It holds machine code for a level of processors
 (x86-64-v3; any 64-bit one of ARM's), and a marshaller in C that finds the code for the types of a
 call's arguments. A kernel of it is used if the sources are those that it was compiled from, the
-processor has what it needs, and no setting of numba's asks for other code; else numba compiles, as
-it does where there is no library. RESAMPLE_KERNELS=off works as if there were none.
+processor has what it needs, and no numba setting asks for other code; else numba compiles, as
+it does without a library. RESAMPLE_KERNELS=off ignores the library.
 """
 
 import hashlib
@@ -44,7 +44,7 @@ Call = Callable[[tuple[Any, ...], dict[str, Any]], Any]
 
 
 def dtype_name(dtype: DTypeLike) -> str:
-    """Name of what an array holds: ``f4``, or names, types and places of fields.
+    """Name of an array's dtype: ``f4``, or names, types and places of fields.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def _admits(found: Any, stale: set[int], function: FunctionType, args: Any, kwar
 
 
 def source_digest(*modules: str) -> str:
-    """Fingerprint of the files of modules; those that are not there have one of their own."""
+    """Fingerprint of the files of modules; missing files have their own fingerprint."""
     return hashlib.sha256("".join(map(_file_digest, modules)).encode()).hexdigest()
 
 

@@ -1,7 +1,7 @@
-"""The greatest or the least value along a ray, past blocks whose bounds do not promise more.
+"""The greatest or least value along a ray; blocks with lower bounds are skipped.
 
 Bounds have two levels. The leaf of the greatest bound, in the block of the greatest, is sampled
-first; then all leaves whose bounds exceed what has been found (Mora and Ebert, Low-Complexity
+first; then all leaves with bounds above the result so far (Mora and Ebert, Low-Complexity
 Maximum Intensity Projection, 2005). From block to block a ray walks by its distances from their
 walls (Amanatides and Woo, A Fast Voxel Traversal Algorithm for Ray Tracing, 1987).
 """
@@ -211,7 +211,7 @@ def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
     else:
         leaf = _promising(way.leaf, ray, toward, _promising(way.block, ray, toward, part))
         best = _sampled(way, ray, medium, best, leaf)
-    # Then all that promise more, block by block.
+    # Then all leaves with better bounds, block by block.
     walk, begin = _walk(way.block, toward), 0.0
     stop = _stop(way.block, walk, first, toward, 0.0)
     while begin < part[1]:

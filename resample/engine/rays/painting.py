@@ -1,4 +1,4 @@
-"""Tiles of the screen whose sub-pixels gather a field along rays."""
+"""Tiles of the screen with sub-pixels that integrate a field along rays."""
 
 import math
 from typing import Any, NamedTuple
@@ -141,7 +141,7 @@ class Output(NamedTuple):
 def _point(output: Output, home: Home, n: int, row: int, column: int) -> tuple[float, float]:
     """Screen point that the ray of a sub-pixel passes through, px.
 
-    Rays of a row are all moved right alike, and those of a column up. So what is thin and along an
+    All rays of a row are moved right alike, and rays of a column up. So a thin line along an
     axis is met by as many rays wherever it is, if the drift is the golden ratio.
     """
     # Count sub-pixels from the frame's corner.
@@ -194,7 +194,7 @@ def _interpolate_if_even(
 
 @inner_kernel
 def _place_in_square(apart: int, top: int, left: int, fine: Floats) -> tuple[int, int]:
-    """Sub-pixel whose ray is cast first in a square of `apart` sub-pixels, by its corner.
+    """Sub-pixel that is cast first in a square of `apart` sub-pixels, by the square's corner.
 
     As in `_point`: a line along an axis passes one in three of the squares on it, if it is half as
     wide as they are.
@@ -280,7 +280,7 @@ def _cast_rays(way: Any, medium: Medium, output: Output, home: Home, n: int, fin
             is_each = stage == GRID or is_in_squares
             start = 0 if is_each or (stage == BETWEEN and row % (2 * half) > 0) else half
             for column in range(start, columns, half if is_each else 2 * half):
-                # Leave out what is empty, and what is known already.
+                # Skip empty and known sub-pixels.
                 place = row, column
                 if stage == REST and not np.isnan(fine[row, column, ALPHA]):
                     continue
@@ -384,7 +384,7 @@ def paint_rays(
 ) -> None:
     """Paint tiles of a picture by casting rays.
 
-    `count`: tiles to paint. `fineness`: Sub-pixels per side of a pixel. `way`: what is integrated
+    `count`: tiles to paint. `fineness`: Sub-pixels per side of a pixel. `way`: the integrand
     along rays. `medium`: the field. `output`: the picture, filled.
     """
     for task in tasks(counter, count):

@@ -69,7 +69,7 @@ STATE = rows_of([MARCH])[0].shape[1]  # words of a `March`
 
 
 class Scratch(NamedTuple):
-    """What is known of each of K fields on the ray that is cast."""
+    """State of each of K fields on the current ray."""
 
     march: Words  # (K, W) rows of `March`
     piece: Doubles  # (K, MOST_PIECES, 6) of the step that is composited
@@ -79,7 +79,7 @@ class Scratch(NamedTuple):
 
 
 class Fields(NamedTuple):
-    """K fields whose emission and absorption is composited front to back."""
+    """K fields; their emission and absorption are composited front to back."""
 
     opaque: float  # transmittance that counts as none
     media: Words  # (K, W) rows of `Medium`
@@ -88,7 +88,7 @@ class Fields(NamedTuple):
 
 
 class SeveralFields(NamedTuple):
-    """Fields, and what a thread knows of them on its ray."""
+    """Fields, and their state on a thread's ray."""
 
     fields: Fields
     scratch: Scratch
@@ -269,9 +269,9 @@ def paint_several(
 ) -> None:
     """Paint tiles of a picture by casting rays through several fields.
 
-    `count`, `fineness`, `output`: as of `paint_rays`. `medium`: the first field, with the meshes.
+    `count`, `fineness`, `output`: as in `paint_rays`. `medium`: the first field, with the meshes.
     """
-    # Each thread marches rays of its own.
+    # Each thread marches its own rays.
     each = len(fields.media)
     scratch = Scratch(
         np.empty((each, STATE), np.int64),

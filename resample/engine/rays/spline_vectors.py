@@ -22,7 +22,7 @@ class _Fours:
         self.builder = builder
 
     def shuffled(self, one: Any, two: Any, order: Sequence[int]) -> Any:
-        """Pick lanes of two vectors, those of the second from number 4 on."""
+        """Pick lanes of two vectors; the second's begin at number 4."""
         lanes = ir.Constant(ir.VectorType(INDEX, 4), list(order))
         return self.builder.shuffle_vector(one, two, lanes)
 

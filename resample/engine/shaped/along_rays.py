@@ -2,8 +2,8 @@
 
 Members of a tile come by the least depth at which its rays may pass their centers. They wait at
 each sub-pixel, in order of the depth at which its own ray does, until no later member can be
-nearer. Where more wait than `WAITING`, the group of sub-pixels is painted again by itself, with
-room for all members. So each ray has its order exactly, up to what is behind `OPAQUE`.
+nearer. Where more than `WAITING` wait, the group of sub-pixels is painted again by itself, with
+room for all members. So each ray has its exact order, until `OPAQUE` is reached.
 """
 
 from typing import NamedTuple
@@ -118,7 +118,7 @@ def _by_least_depth(
 def _take(
     waiting: Waiting, place: int, most: int, canvas: Floats, at: int, records: Floats
 ) -> None:
-    """Composite the nearest of what waits at a sub-pixel; `at`: its place on the canvas."""
+    """Composite the nearest queued fragment of a sub-pixel; `at`: its place on the canvas."""
     ring, number, state, front = waiting
     begin, count = state[2 * place], state[2 * place + 1] - 1
     k = place * most + begin
@@ -158,7 +158,7 @@ def _settle(
     bound: float,
     records: Floats,
 ) -> None:
-    """Composite all that waits up to a depth at consecutive sub-pixels.
+    """Composite all queued fragments up to a depth at consecutive sub-pixels.
 
     `span`: the first of them on the canvas, and their number.
     """

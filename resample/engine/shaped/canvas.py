@@ -49,7 +49,7 @@ class TilePlace(NamedTuple):
     left: float  # px
     top: float
     step: Single  # px between sub-pixels
-    near: Single  # scene units: only what is farther is painted
+    near: Single  # scene units: only farther ellipsoids are painted
 
 
 class Line(NamedTuple):
@@ -92,7 +92,7 @@ def clear(canvas: Floats, is_open: Open) -> None:
 
 @inner_kernel
 def close_groups(canvas: Floats, is_open: Open) -> bool:
-    """Close groups whose sub-pixels are all opaque; whether one is still open."""
+    """Close groups with only opaque sub-pixels; return whether one is still open."""
     any_open = False
     for row in range(SIDE):
         bits = np.uint32(0)

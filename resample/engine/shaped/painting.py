@@ -107,7 +107,7 @@ def _absorbed(depth: Single, is_linear: bool) -> Single:
 
 @lane_role
 def alpha_of(opacity: Opacity, peak: Single, square: Single, longer: Single) -> Single:
-    """Opacity at a squared distance i²; `longer`: length of the ray, as of `longer_of`."""
+    """Opacity at a squared distance i²; `longer`: length of the ray, as in `longer_of`."""
     raise NotImplementedError
 
 
@@ -271,7 +271,7 @@ def _lay_small(
     rows: tuple[int, int],
     opacity: Opacity,
 ) -> None:
-    """Composite a box of what is smaller than a sub-pixel on those that it meets."""
+    """Composite the box of an ellipsoid smaller than a sub-pixel on the sub-pixels it meets."""
     t, light = record[T_1], (record[RED], record[GREEN], record[BLUE])
     nearest, farthest = depths_kept(opacity, record[X], record[Y], spot.near)
     if not nearest < t < farthest:

@@ -17,11 +17,11 @@ from resample.engine.jit import inner_kernel, inner_step, kernel
 from resample.engine.windows.boxes import Place, Plate, Whole
 from resample.types import Doubles, Floats, Single
 
-TOLERANCE = 2.0  # multiple of what samples vary by along an edge that pixels may differ by
+TOLERANCE = 2.0  # of the samples' variation along an edge: allowed excess of pixels
 STRAIGHT = 1.0 / 128.0  # share of the limits' width that they may vary by before that fades
 FADE = 256.0  # how fast
-CHANNELS = 4  # that have marks of their own; others share these
-ALONG_Y = CHANNELS  # bits from the mark of an edge along x to that of one along y
+CHANNELS = 4  # with their own marks; others share these
+ALONG_Y = CHANNELS  # bits from the mark of an edge along x to the mark along y
 
 Marks = NDArray[np.uint8]  # of cells: a bit for each axis and channel
 Corner = Any  # (column, row) among corners
@@ -43,7 +43,7 @@ def slack(varies: Single, low: Single, high: Single, faint: Single) -> Single:
 def tolerance_of(varies: Single, low: Single, high: Single, faint: Single) -> Single:
     """Tolerance around what samples across an edge make, by how much they vary along it.
 
-    Edges of a height of `faint` are left alone, those of twice that are not.
+    Edges up to the height `faint` are not limited, edges of twice that are.
     """
     height, zero = high - low, np.float32(0)
     beyond = max(varies - np.float32(STRAIGHT) * height, zero)
@@ -84,7 +84,7 @@ def _varies(flat: Floats, at: Place, along: Place, across: Place) -> Single:
 @inner_step
 def varies_between(flat: Floats, at: Place, steps: tuple[Place, Place], is_along_x: bool,
                    x: Single, y: Single) -> Single:  # fmt: skip
-    """How much samples vary along an axis, between four corners of which `at` is the first."""
+    """Variation of samples along an axis, between four corners; `at` is the first."""
     along, across = (steps[0], steps[1]) if is_along_x else (steps[1], steps[0])
     below = at + steps[1]
     left, right = (_varies(flat, at, along, across), _varies(flat, at + steps[0], along, across))
@@ -163,8 +163,8 @@ class Limits(NamedTuple):
     """The grid that limits, and how far values may exceed it."""
 
     plain: Plate  # samples themselves, not coefficients
-    excess: float  # share of what a sample stands out that is added; below 0: no limits
-    own: float = 0.0  # extent of a sample along an axis of which it is the mean; 0: a point
+    excess: float  # share of a sample's excess over its neighbours to add; below 0: no limits
+    own: float = 0.0  # extent along an axis that a sample is the mean of; 0: a point
     faint: float = 0.0  # height of edges along which rings are not visible
 
 
@@ -227,7 +227,7 @@ def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, shar
         k, m = at + np.uint64(n), np.uint64(n) + across
         a, b = flat[k - down - across], flat[k - down]
         c, d = flat[k - across], flat[k]
-        # Widen their range by what the four stand out on average.
+        # Widen their range by the mean excess of the four.
         least, most = min(a, b, c, d), max(a, b, c, d)
         if share > np.float32(0):
             over = above[m - across] + above[m] + above[other + m - across] + above[other + m]
@@ -264,7 +264,7 @@ def fill_corners(limits: Limits, part: Part, corners: Corners) -> bool:
     has_edges = False
     is_cleared = False
     bounds = corners.low, corners.high, corners.bound
-    # Keep two rows of what samples stand out by, and bound the corners between them.
+    # Keep two rows of the samples' excess, and bound the corners between them.
     for row in range(high + 1):
         at = np.uint64(((top - 1 + row) * columns + left) * channels - before)
         first = (row & 1) * half

@@ -69,7 +69,7 @@ class FileMetadata(NamedTuple):
     profile: bytes = b""  # ICC profile of the encoded values
     colors: str = ""  # what the file says of its colors, in words; empty for sRGB, or if nothing
     marks: bytes = b""  # PNG's chunks that say so
-    assumed: str = ""  # what is assumed of colors where the file says nothing
+    assumed: str = ""  # assumption about colors where the file says nothing
     geo: Geo | None = None
     spoken: tuple[tuple[str, Any, Any], ...] = ()  # name, type and value in OpenImageIO
     number: str = ""  # integer type of numbers as stored; empty for light or floats

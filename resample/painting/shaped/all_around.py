@@ -1,4 +1,4 @@
-"""Paint ellipsoids for cameras whose rays go anywhere: panoramas, fisheyes, lenses."""
+"""Paint ellipsoids for cameras with arbitrary rays: panoramas, fisheyes, lenses."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from resample.engine.shaped.all_around import PlacedTiles
     from resample.engine.shaped.lists import TileLists
 
-STRIP = 1 << 22  # sub-pixels whose rays are in memory together, at most
-BLOCK = 4  # tiles along a side of what is listed first
+STRIP = 1 << 22  # sub-pixels with rays in memory together, at most
+BLOCK = 4  # tiles along a side of a block listed first
 
-# Rotations from camera axes to those of faces: ahead, right, behind, left, below, above.
+# Rotations from camera axes to faces' axes: ahead, right, behind, left, below, above.
 FACES = np.array(
     [
         [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
@@ -53,7 +53,7 @@ class RayDirections(NamedTuple):
     """A camera by the directions of its rays."""
 
     world_to_camera: Doubles  # (4, 4) or (3, 4)
-    rays: RaysAt  # directions (..., 3) at places (..., 2), px; NaN where there is none
+    rays: RaysAt  # directions (..., 3) at places (..., 2), px; NaN without a ray
 
 
 def ray_directions(camera: Camera | Equirectangular, size: tuple[int, int]) -> RayDirections:
@@ -82,7 +82,7 @@ def paint_around(
     Parameters
     ----------
     shapes, size, style, progress
-        As `paint_ellipsoids` takes them; the order is that of distances.
+        As `paint_ellipsoids` takes them; ordered by distance.
     camera
         By its rays, see `ray_directions`. Depths are distances from the eye.
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from resample_points.scenes import Shape
 
 SHARED = ("also", "crop", "threads")  # options of clouds that Gaussians have, too
-BYTES = 280  # per Gaussian in memory, with what a picture needs of it
+BYTES = 280  # per Gaussian in memory, with a picture's data of it
 FEW = 100_000  # most Gaussians of previews
 SHARE = 0.8  # share of the free memory that projected Gaussians may take
 
@@ -175,7 +175,7 @@ class GaussianPictures:
         return scene.file.count if isinstance(scene, StoredGaussians) else len(scene.opacity)
 
     def print(self) -> str:
-        """Fingerprint of what is shown."""
+        """Fingerprint of the visible scene."""
         from resample.files.animations import fingerprint
         from resample_points.painting.gaussians import StoredGaussians
 
@@ -272,7 +272,7 @@ class GaussianPictures:
         return Shots(len(cameras), frame, job)
 
     def _slabs(self, camera: Any, shape: "Shape", count: int) -> "Iterator[DepthSlab]":
-        """Yield slabs front to back, each of the Gaussians whose centers lie in it."""
+        """Yield slabs front to back, each of the Gaussians with centers in it."""
         import numpy as np
 
         from resample.files.saving import DepthSlab, between
@@ -347,7 +347,7 @@ def free_memory() -> float:
 
 
 class ConvertOptions(Choices):
-    """What is written of 3D Gaussians."""
+    """Options for writing 3D Gaussians."""
 
     heading: ClassVar[str] = "Look"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE

@@ -144,7 +144,7 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
         elif "colormap" in look.model_fields_set:
-            note("--colormap colors numbers, of which --color-by names one")
+            note("--colormap applies to numbers; choose one by --color-by")
     with session.stage("prepare", bar="measuring") as progress, told(progress):
         surfels = prepare_cloud(
             cloud,

@@ -56,7 +56,7 @@ class Cloud(NamedTuple):
     columns: Mapping[str, NDArray[Any]] = NO_COLUMNS  # (N,) each: further measurements, by name
 
     def __repr__(self) -> str:
-        """Number of points and what is known of them, in one line."""
+        """Number of points and their attributes, in one line."""
         parts = [name for name in ("normal", "color", "radius") if len(getattr(self, name))]
         return f"Cloud({', '.join([f'{len(self.position)} points', *parts, *self.columns])})"
 

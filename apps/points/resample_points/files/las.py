@@ -1,8 +1,8 @@
 """Read LAS, LAZ and COPC laser scans through laspy with lazrs (the extra `las`).
 
 Positions are integers times a scale plus an offset, as in the American Society for Photogrammetry
-and Remote Sensing's LAS 1.4; they are computed in float64. COPC 1.0 is LAZ whose points are stored
-in an octree: each level adds points between those of the previous levels. LAS 1.4 takes coordinate
+and Remote Sensing's LAS 1.4; they are computed in float64. COPC 1.0 is LAZ with points stored
+in an octree: each level adds points between the previous levels' points. LAS 1.4 takes coordinate
 systems over as they are in OGC's WKT and GeoTIFF 1.0; only EPSG's codes are read.
 """
 
@@ -46,10 +46,10 @@ LEFT_OUT = {  # dimensions that no picture uses
 
 
 def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -> Cloud:
-    """Read the cloud of a LAS, LAZ or COPC file; columns: names of those to keep, None for all.
+    """Read the cloud of a LAS, LAZ or COPC file; columns: names of the ones to keep, None for all.
 
     Colors are sRGB in 16 bits, or in 8 if none is above 255. If there are none, or all are black,
-    points are gray by their intensity, of which the 98 % quantile is white, or else get a color per
+    points are gray by their intensity, with the 98 % quantile white, or else get a color per
     class.
     """
     with _opened(path) as (laspy, file, header):
@@ -94,7 +94,7 @@ def records_of(path: Path, owner: str) -> dict[int, bytes]:
 def _opened(path: Path, **options: Any) -> Iterator[tuple[Any, BinaryIO, Any]]:
     """Open a file; give laspy, the file and its header. laspy logs nothing: its errors are raised.
 
-    A header whose records do not fit into the file is rejected, as laspy would read them all.
+    A header with more records than the file holds is rejected, as laspy would read them all.
     """
     try:
         import laspy
@@ -226,7 +226,7 @@ def _unpacked(
     import lazrs
 
     packing, size = _packing(path, header), header.point_format.size
-    # Layers of points (formats 6 to 10), in whose sizes lazrs trusts.
+    # Layers of points (formats 6 to 10); lazrs trusts their sizes.
     items = np.frombuffer(packing[ITEMS:], "<u2")[: 3 * packing[ITEMS - 2]].reshape(-1, 3).tolist()
     layers = sum(width if kind == BYTES else LAYERS.get(kind, 0) for kind, width, _ in items)
     first = size + 4 + 4 * layers

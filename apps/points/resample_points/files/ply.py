@@ -61,7 +61,7 @@ class Element:
 
 @dataclass(frozen=True)
 class PlyFile:
-    """A PLY file whose header was read; records are read by the element."""
+    """A PLY file after its header was read; records are read by the element."""
 
     path: Path
     encoding: str

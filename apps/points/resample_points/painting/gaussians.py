@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl et al. 2023)
 NEAR = 0.02  # share of a scene's radius before which nothing is shown, as training has it
-PART = 1 << 16  # Gaussians whose colors are found together
+PART = 1 << 16  # Gaussians with colors computed together
 OPAQUE_ENOUGH = 0.3  # opacity of Gaussians that cameras are framed around, at least
 WIDE = 2.0  # standard deviations that Gaussians are seen to reach
 FRAMED = 20_000  # Gaussians that cameras are framed around, about
@@ -203,7 +203,7 @@ class StoredGaussians:
         return [min(PART, self.file.count - first) for first in range(0, self.file.count, PART)]
 
     def load(self, part: int, view: View, /) -> Ellipsoids:
-        """Those of a part that can be drawn, with the colors that they have toward the eye."""
+        """Drawable Gaussians of a part, with their colors toward the eye."""
         made = self._drawable(part)
         kept = kept_by(made, self.crop)
         made = made if kept.all() else some_gaussians(made, kept)
@@ -260,7 +260,7 @@ def render_gaussians(
         Linear RGB behind the scene. Gaussians are composited in display values, as they were
         trained, with it as well: the picture is then opaque. None: transparent.
     memory
-        Bytes for what is projected; beyond, windows of the picture are painted one by one.
+        Bytes for projected Gaussians; beyond, windows of the picture are painted one by one.
     threads
         Most threads to use.
 

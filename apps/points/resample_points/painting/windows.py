@@ -1,7 +1,7 @@
 """Render clouds stored in files: project discs in parts, paint tiles in groups.
 
-A first pass counts the discs of each tile. Then consecutive tiles are painted in groups whose discs
-fit into memory; only parts that these tiles show are projected again. Each tile gets the same discs
+A first pass counts the discs of each tile. Then consecutive tiles are painted in groups with
+discs that fit into memory; only parts they show are projected again. A tile gets the same discs
 in the same order as with a cloud in memory: the result is bit-identical.
 """
 
@@ -54,7 +54,7 @@ def paint_in_windows(
 ) -> tuple[Visibility, dict[str, float]]:
     """Paint discs in files; at most `most` bytes of them are in memory.
 
-    Return what is visible of each, and seconds per stage. The canvas is transparent before.
+    Return counts of visible samples, and seconds per stage. The canvas is transparent before.
     """
     from resample_points.kernels.discs import SURFEL
 
@@ -70,7 +70,7 @@ def paint_in_windows(
 
 
 class CloudInFiles(NamedTuple):
-    """A cloud in parts, whose windows are spans of tiles; see `resample.outofcore.ellipsoids`."""
+    """A cloud in parts, with spans of tiles as windows; see `resample.outofcore.ellipsoids`."""
 
     rows: list[slice]  # of the parts
     project: Projector

@@ -87,7 +87,7 @@ class FilmPainter(ABC):
         self._found: Memo = {}  # of the scene that is kept
 
     def kept(self, key: Any, read: Callable[[], Any]) -> Any:
-        """Return what is read with some options, cached until these change."""
+        """Return the data read with some options, cached until these change."""
         if self._kept is None or self._kept[0] != key:
             self._kept, self._found = (key, read()), {}
         return self._kept[1]

@@ -143,7 +143,7 @@ class WarpGeometry(TargetChoices):
     ] = False
     size: Annotated[
         str | None,
-        Field(description=f"{SIZE} [default: the source's; the map's; or what holds the corners]"),
+        Field(description=f"{SIZE} [default: the source's; the map's; or just holds the corners]"),
     ] = None
 
     def check(self) -> None:
@@ -322,7 +322,7 @@ class NewSize(TargetChoices):
         str | None,
         Field(
             description="Size in px: 400 for the longer side, 640x480 for width and height; or of "
-            "the picture's: 50%, 0.5 or 2x. [default: that of --width and --height]"
+            "the picture's: 50%, 0.5 or 2x. [default: by --width and --height]"
         ),
     ] = None
     fit: Annotated[
@@ -423,7 +423,7 @@ class Rotation(TargetChoices):
 
 
 class Undistortion(TargetChoices):
-    """The lens whose distortion is removed, and the pinhole camera to rectify for."""
+    """Lens for undistortion, and the pinhole camera to rectify for."""
 
     lens: Annotated[
         str, LENS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")
@@ -447,7 +447,7 @@ class Undistortion(TargetChoices):
         Hyphen,
         Field(
             description="Rotation from the camera's axes to the pinhole's: 9 numbers or a file. "
-            "[default: that of the lens file, or none]"
+            "[default: the lens file's, or none]"
         ),
     ] = None
     inverse: Annotated[
@@ -499,7 +499,7 @@ class BetweenProjections(TargetChoices):
         str | None,
         Parameter(name="--from"),
         Field(
-            description="What is given: the picture's projection, equirectangular, "
+            description="Projection of the given picture: equirectangular, "
             "cubemap:layout=row, fisheye:fov=180,model=equidistant, stereographic, cylindrical, "
             "perspective:fov=90. [default: none; must be given]"
         ),

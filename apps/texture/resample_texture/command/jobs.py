@@ -175,7 +175,7 @@ def warp_all(
             raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")
         output = target
     warping.check()
-    # Pictures of the same size share a target, whose files are read once.
+    # Pictures of the same size share a target; its files are read once.
     job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(outputs.roi))
     coverage, stats = outputs.coverage, outputs.stats
     if coverage is not None:
@@ -372,7 +372,7 @@ def write_palette_picture(path: Path, picture: Picture, palette: Palette) -> Non
         clear, opacity = len(colors), np.append(opacity, np.uint8(0))
         colors = np.concatenate([colors, np.zeros((1, 3), np.uint8)])
     if clear is None and gaps.any():
-        say(f"{path.name} has no color to spare for what is not covered: that is of color 0")
+        say(f"{path.name} has no free palette entry; uncovered pixels get color 0")
     index = np.where(gaps, clear or 0, np.nan_to_num(data[..., 0])).astype(np.uint8)
     image = Image.frombytes("P", index.shape[::-1], np.ascontiguousarray(index).tobytes())
     image.putpalette(colors.tobytes())

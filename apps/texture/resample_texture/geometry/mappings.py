@@ -179,12 +179,12 @@ class Homography:
 
 
 class TargetRegion(NamedTuple):
-    """A rectangle of a larger target, whose pixels are bit-identical to the whole's."""
+    """A rectangle of a larger target, bit-identical to the whole's pixels."""
 
     whole: Homography  # from the source to that target
     left: int  # px
     top: int
-    shape: Size  # of that target: height, width
+    shape: Size  # of the target: height, width
     size: Size | None = None  # of the source, if only a part of it is given
     first: tuple[int, int] = (0, 0)  # column and row of the source at which that part begins
 
@@ -312,7 +312,7 @@ class BackwardMap:
     def from_function(
         cls, function: Callable[[Any, Any], Any], shape: Size, *, first: float = 0.5
     ) -> "BackwardMap":
-        """Return the map of a function from x and y of pixels to those of the source.
+        """Return the map of a function from x and y of pixels to x and y of the source.
 
         Parameters
         ----------
@@ -470,7 +470,7 @@ def inverse_of(
     if not is_known.any():
         return np.full(shape, np.nan), np.full(shape, np.nan)
     wanted = np.stack([a.ravel() for a in np.meshgrid(*(np.arange(n) + 0.5 for n in shape[::-1]))])
-    # Start at the center of the pixel of the map whose value lies next to each pixel's center.
+    # Start at the map's pixel with the value nearest to each pixel's center.
     row, column = np.nonzero(is_known)
     there = np.floor(np.stack([y[row, column], x[row, column]]))
     high = np.array(shape)[:, None] - 1

@@ -113,7 +113,7 @@ def _full(matrix: ArrayLike) -> Doubles:
 
 
 def resizing(source_shape: tuple[float, float], shape: Size) -> Homography:
-    """Return the map from a picture's whole area to that of a target (height, width)."""
+    """Return the map from a picture's whole area to a target's (height, width)."""
     (source_height, source_width), (height, width) = source_shape, shape
     return Homography(np.diag([width / source_width, height / source_height, 1.0]))
 

@@ -29,11 +29,11 @@ LAYOUTS = {  # column and row of each face
     "cross": ((2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (3, 1)),
     "3x2": ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)),
 }
-CAP = 8  # rows of a panorama around each pole that are shown by a picture of that pole, ...
+CAP = 8  # rows of a panorama around each pole that a picture of the pole shows, ...
 PIXELS = 4.0  # ... or so many pixels of the target, if that is more
-FINE = 2  # texels of that picture per row
+FINE = 2  # texels of the pole's picture per row
 EXTRA = 8  # texels around it
-AROUND = 2.0  # px around a fisheye's circle whose directions are known
+AROUND = 2.0  # px around a fisheye's circle with known directions
 FISHEYES: dict[str, tuple[float, Callable[[Any], Any], Callable[[Any], Any]]] = {
     # Widest circle, degrees; the distance of an angle, rad, in focal lengths; and the way back.
     "equidistant": (360.0, lambda angle: angle, lambda distance: distance),

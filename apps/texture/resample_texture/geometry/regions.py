@@ -12,7 +12,7 @@ from resample.types import Doubles, Floats, Indices
 from resample_texture.geometry.mappings import BackwardMap, Homography, Size, TargetRegion
 
 FARTHEST = 2.0**52  # px or texels; beyond it float64 has no halves
-MOST_TWICE = 1.5  # source texels of both halves over those of the whole; above, windows stay whole
+MOST_TWICE = 1.5  # source texels of both halves over the whole's; above, windows stay whole
 LEFT, TOP, RIGHT, BOTTOM = range(4)
 
 Integers = NDArray[np.int64]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from resample_texture.texels.forward import CellGrid
     from resample_texture.texels.gather import GatherPlan, MixedTiles
 
-MOST_AROUND = 1 << 30  # px of a target, all of whose blocks are looked for, for a region of it
+MOST_AROUND = 1 << 30  # px of a target with all blocks searched, for a region of it
 LARGEST_QUALITY = 16.0
 # Rms errors of white noise from 0 to 1 under the area filter, in the worst of 60 views, and from
 # which quality on they hold.
@@ -62,8 +62,8 @@ class Hybrid:
         Instead of a quality: the rms error, as a share of the source's range, that white noise may
         have, 0.0007 or more. Pictures have far less.
     average
-        `always`: a pixel is the mean over all that it covers. `shrinking`: only where it covers
-        more than a texel is it a mean, of what it covers beyond that; elsewhere it is the
+        `always`: a pixel is the mean over its footprint. `shrinking`: only where it covers
+        more than a texel is it a mean, over the excess; elsewhere it is the
         interpolation's value at its center, as OpenCV, SciPy and scikit-image have it. Forward maps
         average always.
 

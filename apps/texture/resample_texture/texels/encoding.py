@@ -4,12 +4,12 @@ Texels are float32, linear light or plain values, multiplied by alpha and by whe
 so that transparent or missing texels do not affect the color of neighbours. Only uint8 and uint16
 may be sRGB-encoded pictures, uint16 only where that is said; all other types are plain values.
 
-Channels that mark where values exist are warped like any other; a pixel's mean is then that of the
+Channels that mark where values exist are warped like any other; a pixel's mean is then over the
 existing values. Where less than half of a pixel's part of the source has a value, the value is
 missing in the result, so that gaps keep their size.
 
-What people see, and what a camera's curve has made, are levels: these are interpolated. What a
-pixel averages is light. So a pixel hardly longer than a texel is interpolated in levels, one of
+Vision and cameras' curves work in levels, so levels are interpolated. A
+pixel averages light. So a pixel hardly longer than a texel is interpolated in levels, one of
 `LONG` texels or more is a mean of light, and between these both are mixed.
 """
 
@@ -32,7 +32,7 @@ VALUES = (
     "bool", "int8", "int16", "int32", "int64", "uint32", "uint64", "float16", "float32", "float64",
 )  # fmt: skip
 DTYPES = (*LEVELS, *VALUES)
-COMPLEX = ("complex64", "complex128")  # whose parts are warped as two channels
+COMPLEX = ("complex64", "complex128")  # parts are warped as two channels
 STEPS = 65535  # of linear light, in the table for encoding 8 bits
 WIDE = ("int32", "int64", "uint32", "uint64", "float64")
 COMFORTABLE = 60  # exponents of two up to which sums and squares of values fit into float32
@@ -97,7 +97,7 @@ def weighed(texels: Floats, missing: Booleans | None, least: int = 1) -> tuple[F
 
 
 def mended(warped: Warped, gaps: int) -> Mended:
-    """Return a picture whose coverage counts existing values, not all of the source."""
+    """Return a picture with a coverage of existing values, not all of the source."""
     if gaps == 0:
         return Mended(warped.image, warped.coverage, None)
     values, there = _bounded(warped, gaps)
@@ -299,7 +299,7 @@ def encoded(
         image = encoding.span.restored(picture, coverage, through, encoding.dtype)
     else:
         if behind is not None:
-            # Composite over the background, whose nans show only through gaps.
+            # Composite over the background; its nans show only through gaps.
             is_partly = coverage < 1.0
             gaps = np.nonzero(is_partly[..., 0] if coverage.shape[2] == 1 else is_partly.any(2))
             if gaps[0].size:
@@ -415,7 +415,7 @@ def complex_of_parts(parts: NDArray[Any], image: NDArray[Any]) -> NDArray[Any]:
 def light_for(
     linear_light: AnyLight | None, dtype: np.dtype[Any], is_encoded: bool | None = None
 ) -> AnyLight:
-    """What is filtered in linear light: by default pixels of encoded levels, as uint8 are."""
+    """Stages filtered in linear light: by default pixels of encoded levels, as uint8 are."""
     if linear_light is not None:
         return linear_light
     return "pixels" if (dtype == np.uint8 if is_encoded is None else is_encoded) else False

@@ -205,8 +205,8 @@ def blocks_of(
     axes, bounds, is_whole = split_plane(matrix, roots, shape, *sizes)
     if not is_whole:
         raise ValueError(
-            "the matrix stretches texels without limit near the camera's plane; give one whose "
-            "numbers are closer to each other, or keep that part out of the frame"
+            "the matrix stretches texels without limit near the camera's plane; give one with "
+            "numbers closer to each other, or keep that part out of the frame"
         )
     return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING)
 
@@ -373,7 +373,7 @@ def needs_totals(axes: Integers, source_shape: Size, edge: Edge) -> bool:
 
 
 class TexelReader(Protocol):
-    """A source whose texels are read on demand."""
+    """A source with texels that are read on demand."""
 
     @property
     def shape(self) -> tuple[int, int, int]:

@@ -228,7 +228,7 @@ def prepared(
 
 
 def note_assumed(found: Volume | Recording) -> None:
-    """Say once in a command what was assumed of lengths, if anything was."""
+    """Report once per command the assumptions about lengths, if any."""
     if line := recordings.assumed(found):
         note(line)
 
@@ -330,7 +330,7 @@ def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     if source.channel is not None:
         if 1 in values.shape[:2]:
             return None  # a single channel is chosen, or the channels are times
-        recordings.volume_at(recording, 0, source.channel)  # refuses what there is not
+        recordings.volume_at(recording, 0, source.channel)  # rejects missing times and channels
         at = source.channel % values.shape[1]
         in_file = chunked(recording)
         one = values[:, at : at + 1] if in_file is None else in_file.only(at)

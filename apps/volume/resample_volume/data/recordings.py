@@ -28,7 +28,7 @@ def in_unit(volume: Volume, unit: str) -> Volume:
 
 
 def assumed(volume: Volume | Recording) -> str:
-    """Return what was assumed of a volume's lengths, for messages; empty if they are stated."""
+    """Return assumptions about a volume's lengths, for messages; empty if stated."""
     if volume.length == UNKNOWN and volume.space == "lps":
         return "no unit of length is stated; mm are assumed"
     return ASSUMED.get(volume.length, "")

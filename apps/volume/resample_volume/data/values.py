@@ -77,7 +77,7 @@ def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[Pl
     thick = BRICK * max(1, CHUNK // max(1, BRICK * plane))
     many = thick * plane
     while begin < index.size:
-        # Within this many planes voxels come in any order, but before those of the next planes.
+        # Within this many planes voxels come in any order, but before the next planes' voxels.
         number = int(index[begin]) // many
         end = bisect_left(index, number + 1, begin, key=lambda n: n // many)
         above = max(0, number * thick - 1)
@@ -233,7 +233,7 @@ Stored = NDArray[Any] | Bricks  # values of a volume
 
 @dataclass(frozen=True, eq=False)
 class ArrayValues:
-    """An array in memory, with what `Bricks` tell of their values."""
+    """An array in memory, with the statistics that `Bricks` have."""
 
     array: NDArray[Any]
     bytes_to_load = 0
@@ -296,7 +296,7 @@ class ArrayValues:
 
 
 def values_of(stored: Stored) -> ArrayValues | Bricks:
-    """Return values with what can be asked of arrays and of bricks alike."""
+    """Return values with the common interface of arrays and bricks."""
     return stored if isinstance(stored, Bricks) else ArrayValues(stored)
 
 
@@ -309,7 +309,7 @@ def bricks_of(volume: Volume) -> Bricks:
 
 
 def with_bricks(volume: Volume, bricks: Any) -> Volume:
-    """Return a volume with other bricks, or with what has their interface."""
+    """Return a volume with other bricks, or an object with their interface."""
     return volume._replace(values=bricks)
 
 

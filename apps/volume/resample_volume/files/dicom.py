@@ -94,7 +94,7 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
         spacing, direction = _lattice(slices, places)
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
     known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
-    # Note what was assumed of the slices.
+    # Note assumptions about the slices.
     one, lines = slices[0], []
     if _is_negative(one.dataset) and _units(one.dataset):
         lines.append("MONOCHROME1: low values are meant to be white, --invert shows projections so")
@@ -402,7 +402,7 @@ def numbers(given: Any, key: str, *counts: int) -> Doubles:
 
 
 def _shown(given: Any) -> str:
-    """Return what was given, in short."""
+    """Return the given path, shortened."""
     return "missing" if given in (None, "") else f"{str(given)!r:.40}"
 
 

@@ -369,8 +369,8 @@ def field_transmittance(
 ) -> list[Reached]:
     """Return the light at the points of fields, dimmed by all of them.
 
-    `scene` covers the volumes of `parts`, whose optical depths come in slabs. What the planes of
-    `clip` (M, 4) cut away takes no light.
+    `scene` covers the volumes of `parts`; optical depths come in slabs. Parts cut away by planes
+    `clip` (M, 4) take no light.
     """
     size, lattice = np.array(scene.values.shape), lattice_of(scene)
     per = math.ceil(max(size) / FINEST)
@@ -378,7 +378,7 @@ def field_transmittance(
     for volume, extinctions in parts:
         coarser = per * np.cbrt(abs(np.linalg.det(lattice) / np.linalg.det(lattice_of(volume))))
         pers.append(max(math.ceil(max(volume.values.shape) / FINEST), round(coarser)))
-        # Mean optical depths of cells, outside of what planes cut away
+        # Mean optical depths of cells, without the parts cut away
         thick, first = np.zeros(_grid_of(np.array(volume.values.shape), pers[-1]), np.float32), 0
         for part in extinctions:
             z, y, x = np.ogrid[first : first + len(part), : part.shape[1], : part.shape[2]]

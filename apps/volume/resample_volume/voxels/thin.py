@@ -23,7 +23,7 @@ from resample_volume.types import Volume
 
 # Value, from 0 to 1, of the higher kind by the number of axes along which a voxel is thin: of
 # solids, walls (a large one is 1.0 wide seen edge on, 0.9 along one ray), lines (their cross
-# section is 1) and points (their volume is 1). That of the lower kind is 1 minus it.
+# section is 1) and points (their volume is 1). The lower kind's share is 1 minus it.
 VALUES = (1.0, 0.75, 0.95, 1.1)
 
 
@@ -172,7 +172,7 @@ class _Slices(NamedTuple):
     value: Floats  # above the least one
     coefficient: Floats  # of cubic splines across them
     span: float  # the greatest value
-    is_within: bool  # as of `thinned`
+    is_within: bool  # as in `thinned`
     grain: Plane  # levels of 255, the same on all slices: straight edges only move across
 
 

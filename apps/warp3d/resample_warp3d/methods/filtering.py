@@ -1,7 +1,7 @@
 """Any way to warp under any pixel filter: painted on parts of pixels, composited, filtered last.
 
-What a pixel shows and how much of it is covered are filtered alike. How far it is and by how much
-it is magnified are those of its own square, under any filter: the middle by nearness of its parts.
+A pixel's color and coverage are filtered alike. Its depth and
+magnification come from its own square, under any filter: the middle by nearness of its parts.
 """
 
 from collections.abc import Callable
@@ -82,7 +82,7 @@ def _painted(
 
 
 def _show_squares(fine: Rendered, parts: Subpixels, strip: Strip, squares: Rendered) -> None:
-    """Fill in what a strip's pixels and those around it show in their own squares."""
+    """Fill in the surfaces in the own squares of a strip's pixels and those around it."""
     from resample.engine.surfaces import middle_of_rows, resolve_rows
 
     n, rows = parts.count, slice(strip.first, strip.last + 2 * parts.margin)
@@ -100,7 +100,7 @@ def _show_squares(fine: Rendered, parts: Subpixels, strip: Strip, squares: Rende
 
 
 def _closed(shown: Shown, parts: Subpixels) -> Shown:
-    """Picture whose narrow gaps are closed as those of pixels' squares are.
+    """Picture with narrow gaps closed as in pixels' squares.
 
     What closes a gap lies evenly over its pixel, and is filtered like all else.
     """
@@ -121,8 +121,8 @@ def _closed(shown: Shown, parts: Subpixels) -> Shown:
 def _concluded(shown: Shown, parts: Subpixels, *, is_whole: bool) -> Rendered:
     """Picture with coverage within 0..1, and with a nearness wherever something is.
 
-    Filters with negative weights overshoot at edges: light goes with the coverage, so that what has
-    one color keeps it. With `is_whole` pixels are covered wholly wherever they are at all.
+    Filters with negative weights overshoot at edges: light goes with the coverage, so that uniform
+    color stays uniform. With `is_whole` pixels are covered wholly wherever they are at all.
     """
     total = shown.coverage[..., 0]
     is_seen = total > TRACE
@@ -142,7 +142,7 @@ def _concluded(shown: Shown, parts: Subpixels, *, is_whole: bool) -> Rendered:
 def _nearest(squares: Rendered, is_seen: "NDArray[np.bool_]", margin: int) -> tuple[Floats, Floats]:
     """Nearness and magnification of all pixels that are seen.
 
-    Of pixels whose own squares are empty, those of the nearest pixel that the filter reads.
+    For pixels with empty squares, the nearest pixel's that the filter reads.
     """
     steps = np.arange(-margin, margin + 1)
     offsets = sorted(

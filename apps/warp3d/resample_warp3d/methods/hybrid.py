@@ -2,7 +2,7 @@
 
 Samples are cells of a sheet that is torn at silhouettes (`sheets`). Where a cell is smaller than a
 pixel it is a point with the area it covers; where it is larger it gives every pixel the mean of its
-color over their overlap. So a pixel is the mean of what it shows, at any scale and along each axis.
+color over their overlap. So a pixel is the mean over its area, at any scale and along each axis.
 """
 
 from dataclasses import dataclass, field
@@ -110,7 +110,7 @@ class Preview:
 
 
 def normalised(equation: Equation) -> tuple[Doubles, Doubles, float]:
-    """Matrix and epipole of a usual size, and what nearness has to be divided by for it."""
+    """Matrix and epipole of a usual size, and the divisor of nearness for it."""
     scale = float(np.linalg.norm(equation.matrix[2]))
     return equation.matrix / scale, equation.epipole / scale, scale
 
@@ -121,7 +121,7 @@ def band_of(shape: tuple[int, int]) -> int:
 
 
 def laid(sheet: Sheet, way: Way) -> tuple["SheetScreen", float, float]:
-    """Sheet on a target's screen, orientation of that, and what its nearness is divided by."""
+    """Sheet on a target's screen, its orientation, and the divisor of its nearness."""
     if isinstance(way, Passage):
         return way.laid(sheet), way.orientation, 1.0
     matrix, epipole, scale = normalised(way)

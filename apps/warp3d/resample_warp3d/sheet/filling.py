@@ -174,7 +174,7 @@ def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray
 def trusted(rendered: Rendered, source: Source, equation: Equation) -> Floats:
     """Return the trust of the pixels' depth (H, W): 1 where it was not refined.
 
-    Refined depth has the share of votes for it; filled depth half of that.
+    Refined depth has the share of votes for it; filled depth half as much.
     """
     from resample_warp3d.sheet.kernels.bridging import sample_map
 

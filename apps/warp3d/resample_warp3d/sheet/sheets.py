@@ -86,7 +86,7 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
 def alone(source: Source, *, is_label: bool = False) -> tuple[Floats, Floats]:
     """Return unmixed colors (H, W, C) of surfaces, and silhouettes (H, W, 2).
 
-    Silhouettes are those of `outlines.find_silhouettes`; labels are not unmixed.
+    Silhouettes come from `outlines.find_silhouettes`; labels are not unmixed.
     """
     from resample_warp3d.depth.kernels import outlines
 
@@ -119,7 +119,7 @@ def grouped(color: Floats) -> Floats:
 
 
 def corner_places(place: Doubles) -> Doubles:
-    """Interpolate the positions of the lattice's corners from those of the samples."""
+    """Interpolate the positions of the lattice's corners from the samples'."""
     if not place.size:
         return place
     ahead = np.pad(place, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")

@@ -149,7 +149,7 @@ def _of_channel(
     """Gain (V,) and bias (V,) of a channel.
 
     Gains alone are found by their logarithms. With biases, views without common surfaces, also by
-    way of others, each keep a mean of their own: the errors of one half get less as it gets darker.
+    way of others, each keep their own mean: the errors of one half get less as it gets darker.
     """
     linked = [(pair, pair.usable[:, channel]) for pair in pairs]
     linked = [(pair, use) for pair, use in linked if use.sum() >= FEWEST_BLOCKS]
@@ -209,7 +209,7 @@ def match_depths(
             place, nearness = points[first]
             seen = nearness * math.exp(scale[first])
             # Logarithms of ratios of nearness where points meet a surface of the other source,
-            # and their derivatives by that of the point's.
+            # and their derivatives by the point's logarithm.
             way, other = equations[first][second], sources[second]
             error = _errors(place, seen, way, other)
             moved = _errors(place, seen * math.exp(STEP), way, other)

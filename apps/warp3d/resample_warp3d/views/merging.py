@@ -100,7 +100,7 @@ def merge(
     views
         Of one shape; the result does not depend on their order, bit by bit.
     blend
-        `feathered`: weighted by confidence, fading out toward the border of what a view shows, to
+        `feathered`: weighted by confidence, fading out toward a view's border, to
         avoid seams; `confident`: weighted by confidence only; `best`: the view with the largest
         weight only, for labels.
     shares
@@ -116,7 +116,7 @@ def merge(
     Raises
     ------
     ValueError
-        There is no view, their shapes differ, or the blend is unknown.
+        No view is given, their shapes differ, or the blend is unknown.
 
     Examples
     --------
@@ -165,7 +165,7 @@ def _surface(
     """Find the nearest surface of several views (V, H, W).
 
     Returns where each shows it, and its image, coverage, nearness, magnification and confidence,
-    (H, W[, C]); all 0 where there is none.
+    (H, W[, C]); all 0 where none does.
     """
     solid = np.stack([view.coverage >= SOLID for view in views])
     front = np.where(solid, nearness, 0).max(axis=0)

@@ -75,7 +75,7 @@ def refined_poses(
 
 
 def _sampled(source: Source, matrix: Doubles) -> Sampled:
-    """Take what is compared from a source."""
+    """Extract the points to compare from a source."""
     bright = source.color.mean(axis=2)
     bright = np.log(bright / np.float32(max(float(bright.max()), 1e-9)) + np.float32(DARK))
     place = places(DepthImage(source.color, source.nearness, source.place))

@@ -10,7 +10,7 @@ from resample.types import Floats
 from resample_points.data.harmonics import rounded_to, step_of
 
 ROOT = np.float32(np.sqrt(0.5))  # largest size of a component that is not the largest
-PER_GAUSSIAN = 146 + 100  # most bytes in memory: what is kept, and what is computed meanwhile
+PER_GAUSSIAN = 146 + 100  # most bytes in memory: the result, and temporary arrays
 
 
 def check_count(what: str, count: int) -> int:
@@ -48,7 +48,7 @@ def three_of(quaternions: Floats) -> tuple[Floats, NDArray[np.intp]]:
 
 
 def exponentials(logarithms: NDArray[Any]) -> Floats:
-    """Return scales from their natural logarithms; what is too large becomes infinite."""
+    """Return scales from their natural logarithms; too large ones become infinite."""
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         return np.exp(logarithms.astype(np.float32, copy=False))
 

@@ -1,4 +1,4 @@
-"""Read SOG, pictures whose texels are Gaussians, in a folder or a zip file; write version 2.
+"""Read SOG, pictures with Gaussians as texels, in a folder or a zip file; write version 2.
 
 Pictures are read byte by byte, with colors that are not multiplied by alpha.
 """
@@ -34,7 +34,7 @@ from resample_points.files.gaussians.decoding import (
 )
 
 META = "meta.json"
-FIRST_TAG = 252  # alpha of a quaternion whose largest component is w
+FIRST_TAG = 252  # alpha of a quaternion with w as largest component
 MOST = 1e30  # size of a number, which float32 holds
 PER_ROW = 64  # entries of the palette of harmonics
 LEVELS = 16  # halvings of Gaussians by their harmonics: a palette has up to 2 ** 16 entries
@@ -79,7 +79,7 @@ class _Pictures:
         given: Any = self.described(part).get(key)
         listed: list[Any] = given if isinstance(given, list) else [given]
         if listed[:1] == [None] and len(listed) > 2 and None not in listed[1:]:
-            # Old writers leave the first entry of a palette out, which goes on evenly.
+            # Old writers leave out the first entry of a palette; extrapolate it linearly.
             listed = [listed[1] + (listed[1] - listed[-1]) / 255, *listed[1:]]
         is_right = all(isinstance(n, int | float) and abs(n) <= MOST for n in listed)
         if not is_right or (count is not None and len(listed) != count):
@@ -177,12 +177,12 @@ def _gaussians(scene: _Pictures) -> Gaussians:
 
 
 def _unpacked(path: Path, folder: Path) -> tuple[bytes, Callable[[str], Path]]:
-    """Return the description of a zip file, and what unpacks a picture of it to a folder."""
+    """Return a zip file's description, and a function that unpacks its pictures to a folder."""
     try:
         with zipfile.ZipFile(path) as packed:
             members = {info.filename: info for info in packed.infolist()}
             if META not in members:
-                raise ValueError(f"is a zip file without {META}, so it is no SOG file")
+                raise ValueError(f"is a zip file without {META}, so it is not a SOG file")
             check_members(path.name, members.values(), "members")
             check_size(META, members[META].file_size, "tree")
             meta = packed.read(META)

@@ -115,7 +115,7 @@ def fill_tiles(
     image: Floats,
     covered: Floats,
 ) -> None:
-    """Fill tiles of a picture with what their pixels cover; see `gather_tiles`."""
+    """Gather the pixels of a picture's tiles; see `gather_tiles`."""
     gather_tiles(counter, geometry, view, tiles, bounds, wanted, image, covered)
 
 
@@ -251,7 +251,7 @@ def _begun(source: Pixels, part: int) -> PixelPoints:  # noqa: ARG001
 
 @plays(lines, Pixels)
 def _lines(source: Pixels, part: int) -> int:
-    """Count the pixels of a tile, each of which is one line of the engine's loop."""
+    """Count the pixels of a tile; each is one line of the engine's loop."""
     tile = source.tiles[part]
     return int((tile[BOTTOM] - tile[TOP]) * (tile[RIGHT] - tile[LEFT]))
 

@@ -185,7 +185,7 @@ class Rows(NamedTuple):
 
 @kernel
 def _place_points(line: Floats, size: tuple[int, int], taps: int, batch: Batch) -> None:
-    """Place those of a row that are points on pixels (width, height)."""
+    """Place the points of a row on pixels (width, height)."""
     width, height = size
     before = np.float32(0.5 * taps - 0.5)
     limit_x, limit_y = np.float32(width - taps + 1), np.float32(height - taps + 1)
@@ -284,7 +284,7 @@ def _clip(box: Doubles, frame: tuple[int, int], margin: int, bounds: Integers) -
 
 @kernel
 def _box_on_plane(matrix: Doubles, u: Doubles, v: Doubles, shape: Shape, box: Doubles) -> None:
-    """Bounds on screen of all splats whose texels have their centers in a rectangle."""
+    """Bounds on screen of all splats of texels with centers in a rectangle."""
     box[:2], box[2:] = math.inf, -math.inf
     across, down, nearest = 0.0, 0.0, math.inf
     for corner in range(4):
@@ -319,7 +319,7 @@ def _whole_block(rectangle: Integers, block: Integers) -> None:
 def blocks_on_plane(
     matrix: Doubles, root: Integers, lines: Doubles, frame: tuple[int, int], shape: Shape
 ) -> tuple[Integers, Integers]:
-    """Blocks of a plane whose splats a frame sees: axes (B, 2, 6), and bounds (B, 4), px.
+    """Blocks of a plane with splats in a frame: axes (B, 2, 6), and bounds (B, 4), px.
 
     `lines`: (L, 3) around the centers of texels that can be seen; behind the last, J is unreliable.
     """

@@ -1,7 +1,7 @@
 """Links between neighbours on one surface of a depth image, and its slopes.
 
 Everything is measured in nearness, which is linear on planes as seen by a pinhole: on a plane the
-second differences vanish, so a jump that the slope beside it explains is no edge.
+second differences vanish, so a jump that the slope beside it explains is not an edge.
 """
 
 import math

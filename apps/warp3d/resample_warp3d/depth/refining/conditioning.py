@@ -76,12 +76,12 @@ class Refined(NamedTuple):
 
     @property
     def choice(self) -> "RefinementChoice":
-        """What was chosen, for other pictures of the shot."""
+        """Choices, for other pictures of the shot."""
         return RefinementChoice(self.chosen, self.enlargement, self.findings, self.noise)
 
 
 class RefinementChoice(NamedTuple):
-    """What was chosen for a shot's first picture, and holds for all of the shot."""
+    """Choices for a shot's first picture, which hold for the whole shot."""
 
     name: str  # one of `REFINES`, except auto
     enlargement: Enlargement | None
@@ -105,7 +105,7 @@ def refine(
     image
         Color and nearness; nearness may have another size if it shows the same frame.
     name
-        `auto` looks for defects, and keeps a map whose edges are where colors change. `snap` moves
+        `auto` looks for defects, and keeps a map with edges where colors change. `snap` moves
         hard edges to color edges, `sharpen` hardens soft edges, `shift` moves the whole map by the
         pixels that its edges are off; all also fill gaps up to 24 px from known samples, where
         colors continue. `complete` only fills gaps, `none` does nothing. `densify` interpolates
@@ -298,7 +298,7 @@ def _sharpened(
 
 
 def _only_at_edges(given: Floats, found: Floats, changed: Mask, reach: int) -> Floats:
-    """Return what was found within `reach` px of changed samples, and what was given elsewhere."""
+    """Return refined values within `reach` px of changed samples, and the given ones elsewhere."""
     import cv2
 
     height, width = given.shape

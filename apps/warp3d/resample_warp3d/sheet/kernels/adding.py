@@ -1,6 +1,6 @@
 """Add fragments to the two layers of pixels: colors, labels, and mass.
 
-What is added at open sides of cells is counted by itself: there surfaces end, and nowhere else.
+Contributions at open sides of cells are counted separately: surfaces end only there.
 """
 
 from typing import NamedTuple
@@ -42,7 +42,7 @@ from resample_warp3d.sheet.kernels.segments import (
 )
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP
 
-DISTINCT: Single = np.float32(0.99)  # of the nearness: what is nearer than that is the same surface
+DISTINCT: Single = np.float32(0.99)  # of the nearness: nearer fragments are on the same surface
 
 
 class TwoLayers(NamedTuple):

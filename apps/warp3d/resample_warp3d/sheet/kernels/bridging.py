@@ -189,7 +189,7 @@ def bridge_rows(
 
 @kernel
 def on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
-    """Place on a distorted source's lattice of what an ideal camera shows at x, y."""
+    """Place on a distorted source's lattice of an ideal camera's x, y."""
     height, width = place.shape[0], place.shape[1]
     # Iterate to the fixed point: distortion changes little within a pixel.
     u, v = x, y
@@ -260,7 +260,7 @@ def _explain_row(
         end = column
         while end < width and not coverage[row, end] > 0:
             end += 1
-        # Take the farther of both sides, or the row's own guess if there is none.
+        # Take the farther of both sides, or the row's own guess without any.
         before = nearness[row, column - 1] if column > 0 else np.float32(np.inf)
         after = nearness[row, end] if end < width else np.float32(np.inf)
         near = float(min(before, after))

@@ -36,7 +36,7 @@ BEND_HERE: Single = np.float32(2.5)
 def _bent(values: Five, is_linked: Four) -> tuple[Single, Single]:
     """Slope and bend of the middle of five samples, by those that are on its surface.
 
-    `is_linked` tells that of the nearest on both sides, then of the far ones.
+    `is_linked`: links of the nearest on both sides, then of the far ones.
     The parabola passes through the values at the pixel's sides, (7 (a + b) − (z + c)) / 12 of
     the four samples around a side (Colella and Woodward 1984, the piecewise parabolic method).
     """
@@ -57,7 +57,7 @@ def _bent(values: Five, is_linked: Four) -> tuple[Single, Single]:
 def _turned(
     mean: Single, slope: Single, bend: Single, is_ahead: bool, is_back: bool
 ) -> tuple[Single, Single, Single]:
-    """Mean, slope and bend of a cell at whose side the surface may curve away.
+    """Mean, slope and bend of a cell with a side where the surface may curve away.
 
     The cell's outer half shows the last quarter of the sample: what lies at u in −1/2..1/2 of the
     cell is at u + 1/4 − u² of the sample, if it curves away ahead. The slope is one-sided there.
@@ -101,7 +101,7 @@ def write_colors(
                 here, numbers[SLOPE_U + m], numbers[BEND_U + m],
                 bits & (TURNS * RIGHT) != 0, bits & (TURNS * LEFT) != 0,
             )  # fmt: skip
-            # Limit colors to those of the four neighbours on the surface.
+            # Limit colors to the four neighbours' on the surface.
             a = right if bits & RIGHT != 0 else here
             b = left if bits & LEFT != 0 else here
             d = below if bits & DOWN != 0 else here

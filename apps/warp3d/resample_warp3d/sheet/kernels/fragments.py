@@ -1,7 +1,7 @@
 """Fragments: contributions of a run's cells to one pixel each.
 
 Each cell of a run has as many slots for pixels as the largest cell needs. One slot of all cells is
-filled at a time, which vectorizes; a fragment with pixel −1 is empty. What has to be done one by
+filled at a time, which vectorizes; a fragment with pixel −1 is empty. Work to be done one by
 one, as cells share pixels, is left to `layers`.
 """
 

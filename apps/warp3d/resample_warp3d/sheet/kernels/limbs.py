@@ -18,7 +18,7 @@ from resample_warp3d.sheet.kernels.screen import Indices, projected
 from resample_warp3d.types import DOWN, LEFT, RIGHT, TURNS, UP, Links
 
 FARTHEST = 1.5  # samples from the last one to a surface's end, at most, as its depth predicts it
-INSET = 0.1  # samples that a surface ends before that: its outermost rim has no color of its own
+INSET = 0.1  # samples that a surface ends earlier: its outermost rim has no color of its own
 INSET_PX = 0.5  # the same on the target's screen, at most
 INSET_BY_NEARNESS = 2.0  # the same, over the rise to the target's silhouette (`rise_of`), at most
 
@@ -35,7 +35,7 @@ class Silhouettes(NamedTuple):
 class SilhouetteEnd(NamedTuple):
     """End of the nearer surface of a silhouette between two samples."""
 
-    member: int  # its sample, as of `corners._linked`; −1: there is no silhouette
+    member: int  # its sample, as in `corners._linked`; −1: no silhouette
     x: float  # px from the corner of the lattice
     y: float
     nearness: float  # at the end, if the surface curves away there; 0: it does not
@@ -47,7 +47,7 @@ class Ends(NamedTuple):
 
     members: int  # bits of the samples that are the nearer ones of silhouettes
     turns: int  # silhouettes where surfaces curve away
-    x: float  # px, the middle of those from the corner
+    x: float  # px, the silhouettes' middle from the corner
     y: float
     nearness: Four  # there, of each sample's surface; 0: it does not curve away
     round_x: float  # squared nearness per px, outward
@@ -190,7 +190,7 @@ def rise_of(
 ) -> float:
     """Rise of nearness from a surface's end to its silhouette in the target.
 
-    `corner`: (3,) x, y and nearness of the end. `roundness`: (2,) as of `project_ends`. `seen`:
+    `corner`: (3,) x, y and nearness of the end. `roundness`: (2,) as in `project_ends`. `seen`:
     place of the end in the target, px.
     """
     # Take the outward direction, and the scale of the warp at the end.

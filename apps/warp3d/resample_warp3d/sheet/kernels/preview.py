@@ -69,7 +69,7 @@ class NearestCells(NamedTuple):
 def _fill_slots(
     begin: int, end: int, i: int, j: int, frame: BandFrame, numbers: Floats, places: Indices
 ) -> None:
-    """Fill a slot with the pixels whose centers cells cover, and their nearness."""
+    """Fill a slot with the pixels with centers covered by cells, and their nearness."""
     for n in range(begin, end):
         m = np.uint64(n)
         # Reject pixels outside the cell's bounds.
@@ -218,7 +218,7 @@ def fill_picture(
 ) -> None:
     """Give each pixel the color of the nearest cell over its center.
 
-    Parameters are those of `layers.paint_layers`.
+    Parameters as in `layers.paint_layers`.
     """
     bounds = screen.bounds.reshape((-1, 4))
     for first, last in bands(counter, like.last, band):
