@@ -134,7 +134,7 @@ def view(scene: Any, /, **settings: Any) -> Any:
 
 
 def _kind(scene: Any) -> str:
-    """Return the application of a scene; empty if none is."""
+    """Return the application of a scene; empty if unknown."""
     if isinstance(scene, str | PathLike):
         if PurePath(scene).suffix.lower() in PICTURES:
             return "texture"

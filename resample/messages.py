@@ -130,7 +130,7 @@ def doubles_of(name: str, given: Any, wanted: str) -> "NDArray[np.float64]":
 
 
 def check_kind(name: str, given: Any, kinds: Any, wanted: str) -> None:
-    """Reject an argument that is of none of some classes."""
+    """Reject an argument that is not of one of these classes."""
     if not isinstance(given, kinds):
         raise TypeError(f"a {name} of {type(given).__name__}; give {wanted}")
 

@@ -77,7 +77,7 @@ def names(group: str) -> list[str]:
 
 
 def missing(group: str, name: str) -> str:
-    """Which package of this project has a part that is not installed; empty if none has."""
+    """Name of this project's package with a missing part; empty if unknown."""
     for package, parts in ELSEWHERE.items():
         if name in parts.get(group, "").split() and name not in _entries(group):
             kind = _singular(group)
@@ -145,7 +145,7 @@ def check(group: str, specs: Iterable[str]) -> None:
 
 
 def parameters(plugin: Any) -> dict[str, Any]:
-    """Parameters of a plugin with their defaults; `REQUIRED` where there is none."""
+    """Parameters of a plugin with their defaults; `REQUIRED` without one."""
     return dict(_parameters(plugin))
 
 
@@ -174,7 +174,7 @@ def entry_points(*, group: str) -> "EntryPoints":
 
 
 @cache
-def _installed(path: tuple[str, ...]) -> "EntryPoints":  # noqa: ARG001 - part of what is remembered
+def _installed(path: tuple[str, ...]) -> "EntryPoints":  # noqa: ARG001 - part of the cache's key
     """Entry points of all groups, cached (5 ms) while `sys.path` stays the same."""
     from importlib import metadata
 
@@ -193,7 +193,7 @@ def _entries(group: str) -> "dict[str, EntryPoint]":
 @cache
 def _named(
     group: str,
-    path: tuple[str, ...],  # noqa: ARG001 - part of what is remembered
+    path: tuple[str, ...],  # noqa: ARG001 - part of the cache's key
     find: "Callable[..., EntryPoints]",
 ) -> "dict[str, EntryPoint]":
     """Entry points of a group by public name, cached while `sys.path` stays the same."""

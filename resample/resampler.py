@@ -177,7 +177,7 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         progress: Progress | None = None,
         clip: ArrayLike | None = None,
     ) -> Frame:
-        """Rows of a picture of fields, with the bits that the whole picture has there.
+        """Rows of a picture of fields, bit-identical to the whole picture's.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         progress: Progress | None,
         rows: tuple[int, int] | None = None,
     ) -> Frame:
-        """Picture of fields that rays go through, or rows of it."""
+        """Ray-cast picture of fields, or rows of it."""
         from resample.painting.rays import RayPainter
 
         fields = [kernel_field(field) for field in fields]
@@ -273,7 +273,7 @@ def prepared(
     size: tuple[int, int],
     clip: ArrayLike | None,
 ) -> PreparedScene:
-    """What painters get to know besides the samples, for a picture (height, width)."""
+    """Inputs of painters besides the samples, for a picture (height, width)."""
     lattice = samples.lattice
     ellipsoid = ellipsoid_of(lattice, view, choice.reconstruction.radius)
     screen = Screen(size[1], size[0], planes=planes_of(clip, view, ellipsoid))
@@ -324,7 +324,7 @@ def style_of(choice: PaintChoices, lattice: Doubles, look: Classifier | None) ->
 
 
 def order_of_shapes(choice: PaintChoices, clip: ArrayLike | None) -> ShapedOrder:
-    """Order of ellipsoids that choices stand for; refuse choices that ellipsoids do not have."""
+    """Order of ellipsoids for some choices; reject choices that ellipsoids do not support."""
     usual = replace(choice, order=EverySample(), subpixels=None) == type(choice)()
     if not usual or clip is not None:
         raise ValueError(

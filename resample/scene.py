@@ -69,7 +69,7 @@ class AnyScene:
 
     @cached_property
     def _running(self) -> set[Cancel]:
-        """What stops the pictures that are being rendered."""
+        """Signal that stops pictures being rendered."""
         return set()
 
     @contextmanager

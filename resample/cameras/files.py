@@ -73,8 +73,8 @@ def read_entries(path: str | Path) -> list[Entry]:
 def read_shots(path: str | Path) -> list[PosedPicture]:
     """Read the valid pictures of a file; `left_out` reports the others.
 
-    Parameters and errors are those of `read_entries`; one that has only pictures that cannot be had
-    is refused with what is wrong with the first.
+    Parameters and errors as in `read_entries`; a file with only invalid pictures
+    is rejected with the error of the first.
     """
     entries = read_entries(path)
     shots = [entry for entry in entries if isinstance(entry, PosedPicture)]

@@ -31,7 +31,7 @@ class Equirectangular:
     --------
     >>> from math import pi
     >>> from resample_warp3d import Equirectangular
-    >>> turned = Equirectangular().turned(pi / 2)  # what was on its right is ahead now
+    >>> turned = Equirectangular().turned(pi / 2)  # its right is ahead now
     >>> (turned.world_to_camera @ [1, 0, 0, 1])[2].round(3).item()
     1.0
     """

@@ -29,7 +29,7 @@ def unpacked(path: Path, name: str) -> bytes:
 
 
 def facts_of_recording(path: Path) -> Facts:
-    """Return what a recording says of itself: sizes, intrinsics and poses."""
+    """Return a recording's metadata: sizes, intrinsics and poses."""
     with naming(str(path)):
         facts = json_of(unpacked(path, "metadata").decode("utf-8", "replace"))
     if not isinstance(facts, dict) or not {"K", "w", "h"} <= facts.keys():

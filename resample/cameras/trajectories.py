@@ -48,7 +48,7 @@ TextLine = tuple[int, list[str]]  # number, from 1, and words
 
 
 def entry_of(place: str, name: str, read: Callable[..., Entry], *given: Any) -> Entry:
-    """Call a reader and return its entry, or an entry that says why it failed."""
+    """Call a reader and return its entry, or an entry with its error."""
     try:
         with naming(place):
             return read(*given)

@@ -1,4 +1,4 @@
-"""Commands that pass their arguments on to another application, which is a plugin."""
+"""Commands that pass their arguments on to another application, a plugin."""
 
 import inspect
 import sys
@@ -106,7 +106,7 @@ def command_now(application: str, command: str) -> tuple[str, App]:
 
 
 def check_added(app: App, words: Sequence[str], option: str, value: str) -> None:
-    """Reject an option that a sample adds to a command line, unless it is about the look.
+    """Reject an option that a sample adds to a command line, unless it sets the look.
 
     It may also name a file of the sample's own folder, or another sample.
     """

@@ -1,4 +1,4 @@
-"""Options of commands: what they are about, headings and help texts, and shared flags.
+"""Options of commands: topics, headings, help texts, and shared flags.
 
 Settings from untrusted files may only change the look of a picture. So an option states its
 category by a mark in its annotation or by its model; one without is not taken from a file.
@@ -51,7 +51,7 @@ class OptionTopic(Enum):
 
 
 class Inline(NamedTuple):
-    """`APPEARANCE`, unless the option's own reader would take the value for the name of a file."""
+    """`APPEARANCE`, unless the option's reader would treat the value as a file name."""
 
     known: tuple[str, ...] = ()  # words that do not name files
     rule: str = ""  # module and function that tells whether another text is a file; none: all are
@@ -177,7 +177,7 @@ def viewpoint(camera: str, fov: float, up: "UpAxis") -> "Viewpoint":
 
 
 def tell_radians(fov: float | None) -> None:
-    """Say that a field of view may be in radians."""
+    """Warn that a field of view may be in radians."""
     if fov is not None and 0.3 < fov < 3.15:
         note(f"the field of view is {fov:g} degrees; if radians are meant, give {fov * 57.296:.4g}")
 
@@ -267,7 +267,7 @@ Steady = Annotated[
 
 
 def check_intrinsics(name: str, text: str) -> None:
-    """Refuse anything but numbers for `with_intrinsics` or a camera file."""
+    """Reject anything but numbers for `with_intrinsics` or a camera file."""
     with_intrinsics(name, text, "corner")
 
 

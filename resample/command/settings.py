@@ -124,7 +124,7 @@ def options_of(command: App) -> dict[str, Argument]:
 
 
 def schema_of(name: str, command: App) -> dict[str, Any]:
-    """JSON schema of a command's settings; entries with `about` = `look` may be in any file."""
+    """JSON schema of a command's settings; any file may set entries with `about` = `look`."""
     properties: dict[str, Any] = {COMMAND: {"const": name}}
     assert command.default_command is not None
     marks = marks_of(command.default_command)
@@ -188,7 +188,7 @@ def read_settings(
                 adapter.validate_json(json.dumps(value, default=_refuse_time), strict=True)
     if left_out:
         instead = "" if is_picture else ", or trust your own file by --settings-trusted"
-        why = "as settings only say how a picture looks, not what is read, written, used or trusted"
+        why = "as settings only set a picture's look, not inputs, outputs, resources or trust"
         remedy = f"give these on the command line{instead}"
         LOG.warning("%s: %s left out, %s; %s", path, ", ".join(left_out), why, remedy)
     return content
@@ -282,7 +282,7 @@ def keeping_settings(name: str, command: Command) -> Command:
         with replacing(save_settings) as temporary:
             temporary.write_bytes(text.encode())
         if read := [key for key in chosen if about(marks[key], chosen[key]) is OptionTopic.SOURCE]:
-            why = "not kept, as settings do not say what is read; give these again"
+            why = "not saved, as settings do not name inputs; give these again"
             LOG.warning("%s: %s %s", save_settings, ", ".join(read), why)
         return result
 
@@ -403,7 +403,7 @@ Attenuation = Annotated[
 
 
 def _choices_in(annotation: Any) -> tuple[Any, ...]:
-    """Return the values of a Literal, also of one that may be missing; else nothing."""
+    """Return the values of a Literal or an optional one; empty for other types."""
     parts = get_args(annotation)
     if all(isinstance(part, str | int) for part in parts):
         return parts
@@ -416,7 +416,7 @@ def number(given: object) -> object:
 
 
 def no_share(given: object) -> object:
-    """Tell how opaque voxels are made, where a share is given for a way to sum samples."""
+    """Explain how to set opacity, if a share is given instead of a way to sum samples."""
     if str(given)[:1] in "0123456789.":
         raise ValueError("transfer gray:opacity=0.2 says how opaque voxels are")
     return given
@@ -434,7 +434,7 @@ class Choices(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _understood(cls, given: Any) -> Any:
-        """Return the options with choices by their names here, where others' are given."""
+        """Return the options with other libraries' names of choices translated."""
         if not isinstance(given, dict):
             return given
         known = {}
@@ -448,12 +448,12 @@ class Choices(BaseModel):
 
     @classmethod
     def usual(cls) -> Self:
-        """Choices with all defaults, without validation, which would have to be built."""
+        """Choices with all defaults, without validation, which takes time to build."""
         return cls.model_construct()
 
 
 class Resampling(Choices):
-    """How samples become a picture."""
+    """Options of rendering samples."""
 
     heading: ClassVar[str] = "Method"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE

@@ -40,7 +40,7 @@ OPENEXR = "OPENIMAGEIO_OPTIONS"  # sets the size of OpenEXR's pool, among others
 
 
 class StoppedError(SystemExit):
-    """A signal told the process to stop.
+    """A signal stopped the process.
 
     Not a KeyboardInterrupt: once one has passed through code given as text, Python ends the process
     by the signal, even if the exception was handled.

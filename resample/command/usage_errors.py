@@ -104,14 +104,14 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
 
 
 def _missing_input(words: Sequence[str]) -> str:
-    """Return the first input of a command if it names a file that is not there; else nothing."""
+    """Return the first input of a command if it names a missing file; else nothing."""
     inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:2]
     is_path = inputs and not set(inputs[0]) & set(":*?=,") and Path(inputs[0]).suffix[1:].isalnum()
     return inputs[0] if is_path and not Path(inputs[0]).exists() else ""
 
 
 def with_own_pip(text: str) -> str:
-    """Name the pip of the running Python in a text, where the one on the PATH is another's."""
+    """Name the running Python's pip in a text, if the PATH's belongs to another Python."""
     python, found = Path(sys.executable), which("pip")
     if not python.name or (found and Path(found).parent == python.parent):
         return text
@@ -121,7 +121,7 @@ def with_own_pip(text: str) -> str:
 
 
 def meant(given: str, known: Collection[str]) -> str | None:
-    """Name of the option that a user means by another name; None if nothing is like it.
+    """Name of the option that a user means by another name; None if none is similar.
 
     Examples
     --------
@@ -160,7 +160,7 @@ def _of_too_many(error: UnusedCliTokensError) -> str:
 
 
 def _command(error: CycloptsError) -> str:
-    """Name of the command that was called, as users write it."""
+    """Name of the called command, as users write it."""
     if called := getattr(error.target, "called", ""):
         return str(called)
     package = getattr(error.target, "__module__", "resample").partition(".")[0]

@@ -81,7 +81,7 @@ def say(text: str) -> None:
 
 
 def note(text: str) -> None:
-    """Print a line, in a command once and at its end, if it succeeds."""
+    """Print a line, in a command once and at its end if it succeeds."""
     notes = _notes.get()
     if notes is None:
         say(text)
@@ -99,7 +99,7 @@ def say_notes() -> None:
 
 
 def say_of(path: Path, text: str) -> None:
-    """Print one line about a file, or nothing if the same was said of another in its folder."""
+    """Print one line about a file, unless it was printed for another in its folder."""
     first = _first_of(path.absolute().parent, text)
     if first.setdefault("name", path.name) == path.name:
         say(f"{path.name}: {text}")

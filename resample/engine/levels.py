@@ -20,7 +20,7 @@ class ShortOrLong(NamedTuple):
 
 
 def levels_of(given: NDArray[Any]) -> ShortOrLong:
-    """Put levels (N,) of either type into one bundle, which one kernel takes."""
+    """Put levels (N,) of either type into one bundle for one kernel."""
     if given.dtype == np.uint8:
         return ShortOrLong(given, np.empty(0, np.uint16))
     return ShortOrLong(np.empty(0, np.uint8), given)

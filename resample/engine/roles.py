@@ -25,17 +25,17 @@ def role(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def called_role(function: Callable[P, R]) -> Callable[P, R]:
-    """A role that is called, as it is too long to become a part of a loop that plays it twice."""
+    """A role that is called, as it is too long to be inlined twice."""
     return _cast(function, inline="never", _nrt=False)
 
 
 def making_role(function: Callable[P, R]) -> Callable[P, R]:
-    """A role that may make arrays."""
+    """A role that may allocate arrays."""
     return _cast(function, inline="never")
 
 
 def lane_role(function: Callable[P, R]) -> Callable[P, R]:
-    """A role that is a part of loops of lanes, as a `lane_step` is."""
+    """A role that is inlined into loops of lanes, like a `lane_step`."""
     return _cast(function, inline="never", fastmath=LANES, forceinline=True)
 
 

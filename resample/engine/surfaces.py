@@ -208,7 +208,7 @@ LANES = 6
 
 
 class Surfaces(NamedTuple):
-    """How many surfaces show one behind the other, and on how many sub-pixels."""
+    """Number of surfaces behind each other, and of sub-pixels."""
 
     most: int  # surfaces
     subpixels: int  # per side of a pixel
@@ -230,7 +230,7 @@ class Block(NamedTuple):
 
 @kernel
 def new_block(tile: int, tiles: Tiles, size: tuple[int, int], surfaces: Surfaces) -> Block:
-    """An empty tile of a frame (height, width), without what lies beyond."""
+    """An empty tile of a frame (height, width), cut at the frame."""
     row, column = divmod(int(np.int64(tile)), tiles.columns)
     left, top, fine = column * tiles.size, row * tiles.size, surfaces.subpixels
     rows, columns = min(tiles.size, size[0] - top) * fine, min(tiles.size, size[1] - left) * fine
@@ -249,13 +249,13 @@ def new_block(tile: int, tiles: Tiles, size: tuple[int, int], surfaces: Surfaces
 
 @kernel
 def whole_within(value: float, least: int, most: int) -> int:
-    """Whole number below a value, kept within bounds, whatever the value."""
+    """Whole number below a value, clamped to bounds, for any value."""
     return math.floor(max(float(least), min(float(most), value)))
 
 
 @kernel
 def row_shift(row: int, subpixels: int) -> float:
-    """How far a row of sub-pixels is moved to the right, sub-pixels.
+    """Shift of a row of sub-pixels to the right, sub-pixels.
 
     So upright edges pass the samples of a pixel one by one and not by columns.
     """
@@ -264,7 +264,7 @@ def row_shift(row: int, subpixels: int) -> float:
 
 @kernel
 def first_used(block: Block, row: int, column: int) -> int:
-    """First column from one on that is used; few of a pixel are the corners of a turned square."""
+    """First used column from a given one on; few per pixel are the corners of a rotated square."""
     step = block.step[0]
     if step == 1:
         return column
@@ -274,7 +274,7 @@ def first_used(block: Block, row: int, column: int) -> int:
 
 @kernel
 def put_behind(block: Block, surface: int, surfaces: Surfaces) -> bool:
-    """Put the surface at hand behind those before; gives whether another may show through."""
+    """Composite the current surface behind the others; return whether more may show through."""
     floor, limit, sums, seen, box = block.floor, block.limit, block.sums, block.visible, block.box
     rows, columns = floor.shape
     top, bottom, left, right = rows, -1, columns, -1
@@ -371,7 +371,7 @@ def middle_of_rows(
     counter: Counter, nearness: Floats, beside: Floats, n: int, middle: Floats,
     middle_beside: Floats,
 ) -> None:  # fmt: skip
-    """Find the surface that shows most in each pixel's own square: the middle one by nearness.
+    """Find the main surface in each pixel's own square: the median by nearness.
 
     `nearness`, `beside`: (H n, W n) of sub-pixels, 0 where empty; and other quantities of
     them. `middle`, `middle_beside`: (H, W) filled: both of the middle sub-pixel among those where
@@ -405,7 +405,7 @@ TileBlock = Any  # the sub-pixels of a tile; `sums` are what the surface at hand
 def begun(
     members: Members, tiles: Tiles, tile: int, size: tuple[int, int], surfaces: Surfaces
 ) -> TileBlock:
-    """A tile that nothing has touched yet, of a frame (height, width)."""
+    """A new tile of a frame (height, width)."""
     raise NotImplementedError
 
 
@@ -428,7 +428,7 @@ def claim(members: Members, member: int, block: TileBlock) -> None:
 
 @called_role
 def add(members: Members, member: int, block: TileBlock) -> None:
-    """Add the color of a member where it belongs to the surface in front."""
+    """Add a member's color where it belongs to the front surface."""
     raise NotImplementedError
 
 
@@ -445,7 +445,7 @@ def _claimed(members: Members, tiles: Tiles, tile: int, block: TileBlock) -> Non
 
 @called_role
 def composed(members: Members, block: TileBlock, surface: int, surfaces: Surfaces) -> bool:
-    """Put the surface at hand behind those before; gives whether another may show through."""
+    """Composite the current surface behind the others; return whether more may show through."""
     raise NotImplementedError
 
 
@@ -470,7 +470,7 @@ def paint_tile(
     members: Members, tiles: Tiles, tile: int, size: tuple[int, int], surfaces: Surfaces,
     picture: Picture,
 ) -> None:  # fmt: skip
-    """Paint one tile of a frame (height, width); one that nothing touches stays as it is."""
+    """Paint one tile of a frame (height, width); an empty one stays unchanged."""
     start, end = tiles.start[tile], tiles.start[tile + 1]
     if start == end:
         return

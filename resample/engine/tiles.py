@@ -62,7 +62,7 @@ def settle(run: Indices, looks: Floats) -> None:
 
 @kernel
 def _move(pair: Pairs, to: Pairs, low: np.uint64, shift: np.uint64, position: Indices) -> None:
-    """Counting sort by one digit; `position` is scratch of one more than the digit has values."""
+    """Counting sort by one digit; `position` is scratch, one longer than the digit's values."""
     mask = np.uint64(position.size - 2)
     # Count the values of the digit, and sum up to where each begins.
     for digit in range(position.size):

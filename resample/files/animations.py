@@ -128,7 +128,7 @@ def _frames(film: _Elsewhere) -> Frames:
 def made_by(
     crew: WorkerPool | None, shots: Shots, read: Callable[[int], Frames] | None
 ) -> tuple[Shots, Executor | None]:
-    """Frames as worker processes make them, each after loading its own data; and the executor.
+    """Frames made by worker processes, each after loading its own data; and the executor.
 
     Workers of this machine may use as much memory as this process. Without a crew frames are made
     here.
@@ -209,7 +209,7 @@ def write_film(
 
 @contextmanager
 def alone(folder: Path, path: Path) -> Iterator[None]:
-    """Lock a folder against other processes that make frames, where there are locks."""
+    """Lock a folder against other processes that make frames, if the system has locks."""
     if os.name == "nt":  # where folders cannot be opened
         yield
         return

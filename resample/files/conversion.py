@@ -49,7 +49,7 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
 def picture_and_encoding(
     given: Any, name: str = "picture", kinds: str = "biuf"
 ) -> tuple[NDArray[Any], bool | None]:
-    """Do as `as_picture`, and tell whether its levels are sRGB-encoded, if a file says so.
+    """Return `as_picture`'s array, and whether its levels are sRGB-encoded, if a file says so.
 
     `kinds`: NumPy's letters of the kinds of values that are taken.
     """

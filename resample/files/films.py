@@ -219,7 +219,7 @@ def film_picture(levels: NDArray[np.uint8] | NDArray[np.uint16], stream: Any) ->
 
 
 class StereoMarks(NamedTuple):
-    """What a player has to know of a film for two eyes.
+    """Stereo metadata of a film, for players.
 
     `st3d` says how the pictures of both eyes lie in a frame, `sv3d` which directions it shows
     ("Spherical Video V2 RFC", Google). FFmpeg's muxer writes them from side data that PyAV cannot

@@ -1,4 +1,4 @@
-"""What picture formats can store: options, and conversion of pictures to stored values."""
+"""Capabilities of picture formats: options, and conversion of pictures to stored values."""
 
 from functools import cache
 from pathlib import Path
@@ -54,12 +54,12 @@ def check_output(path: Path, look: WriteOptions) -> None:
 
 
 def takes_alpha(path: Path, look: WriteOptions) -> bool:
-    """Whether a file has opacity, or a background in its place; in others nothing is black."""
+    """Whether a file has opacity, or a background in its place; in others gaps are black."""
     return look.background is not None or path.suffix.lower() not in (*JPEG, *FORMATS)
 
 
 def can_be_written(suffix: str) -> bool:
-    """Whether a format is one of `BY_PILLOW` that the installed Pillow has."""
+    """Whether a format is in `BY_PILLOW` and the installed Pillow writes it."""
     from PIL import features
 
     return suffix in BY_PILLOW and BY_PILLOW[suffix] in features.get_supported()

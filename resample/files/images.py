@@ -1,4 +1,4 @@
-"""Picture files by OpenImageIO: read, and JPEG encoded in memory; nothing else in the core decodes.
+"""Picture files by OpenImageIO: the core's only decoder; and JPEG encoded in memory.
 
 In memory a picture is float32, linear light, premultiplied, (H, W, C), row 0 at the top. Files with
 straight alpha or sRGB-encoded color are converted here, in linear light.

@@ -194,7 +194,7 @@ class LoadablePicture:
         return Picture(turned, kind, self.header.upright_about)
 
     def reduced(self, height: int, width: int) -> "tuple[Picture, Doubles] | None":
-        """A JPEG at 1/2, 1/4 or 1/8 of its size, at least as large as that; None if it is smaller.
+        """A JPEG at 1/2, 1/4 or 1/8 of its size, at least of a given size; None if it is smaller.
 
         libjpeg leaves finer waves out as it decodes, which takes a fraction of the time. Also
         given: a matrix (3, 3) from its px to the whole's.
@@ -270,7 +270,7 @@ class LoadablePicture:
         return file
 
     def tell_colors(self) -> None:
-        """Say which colors are lost, or assumed, where light alone is used."""
+        """Report color metadata that is lost, or assumed, if only light is used."""
         about = self.header.about
         lost = f"colors are taken for sRGB, not {about.colors}" if about.colors else ""
         for each in filter(None, (lost, about.assumed)):

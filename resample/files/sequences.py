@@ -98,7 +98,7 @@ class Frames(NamedTuple):
         )  # fmt: skip
 
     def tell_tracks(self, target: Path) -> None:
-        """Say that a target has no sound and subtitles, if the film has some."""
+        """Warn that a target drops the film's sound and subtitles, if any."""
         if self.has_tracks and target.suffix.lower() not in FORMATS:
             say(f"{self.path.name}: sound and subtitles are copied to {', '.join(FORMATS)} alone")
 
@@ -155,7 +155,7 @@ def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
 
 
 def write_frames(path: Path, pictures: Iterable[Picture], film: Frames, look: WriteOptions) -> None:
-    """Write pictures to one file, with the times of a film, and its sound where it has some.
+    """Write pictures to one file, with the times of a film, and its sound, if any.
 
     Films are opaque: black is behind them, unless there is another background.
     """

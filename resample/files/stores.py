@@ -1,4 +1,4 @@
-"""Addresses of zarr stores, local and remote, and how stores are known from other files.
+"""Addresses of zarr stores, local and remote, and their detection.
 
 They are given on the command line or in a program, never by a file. Keys, regions and endpoints
 come from the environment, as in obstore: `AWS_ACCESS_KEY_ID`, `AWS_ENDPOINT`,

@@ -22,7 +22,7 @@ class WeightedSum(NamedTuple):
 
 
 def mean_of(blend: WeightedSum, is_inner: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Image, multiplied by its coverage, and coverage (H, W): 1 in pixels that see samples alone.
+    """Image, multiplied by its coverage, and coverage (H, W): 1 in pixels full of samples.
 
     Elsewhere the weight is the coverage, as long as it is no more than 1.
     """
@@ -65,7 +65,7 @@ ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
 class SurfaceRule(NamedTuple):
-    """When two samples are on one surface."""
+    """Criteria for two samples on one surface."""
 
     close: np.float32  # part of the nearness that they may differ by, whatever else is known
     loose: np.float32  # likewise, if no boundary lies between them
@@ -102,7 +102,7 @@ def _open_everywhere(blend, row, column):  # type: ignore[no-untyped-def]  # noq
 
 
 class SamplePlane(NamedTuple):
-    """The plane around a sample, as it is compared."""
+    """The plane around a sample, for comparisons."""
 
     x: Single  # px, where the sample is
     y: Single
@@ -148,7 +148,7 @@ def _nearness_at(sample: SamplePlane, row: np.uint64, column: np.uint64) -> Sing
 def _is_same_surface(
     blend: NearestSurface, n: np.uint64, row: np.uint64, column: np.uint64, nearness: Single
 ) -> bool:
-    """Whether sample n, of this nearness at a pixel, is on the surface that was found there."""
+    """Whether sample n, of this nearness at a pixel, is on the surface found there."""
     behind = ONE - nearness / blend.nearness[row, column]
     if behind <= blend.surface.close:
         return True
@@ -214,7 +214,7 @@ def _is_transparent(blend, row, column):  # type: ignore[no-untyped-def]
 
 
 class Composited(NamedTuple):
-    """A sample, as it is composited."""
+    """A sample to composite."""
 
     is_point: bool
     layer: int
@@ -285,7 +285,7 @@ def _composite_splat(
 
 @inner_step
 def _composite_points(blend: OverBlend, row: np.uint64, column: np.uint64) -> None:
-    """Composite the points that wait; together they hide no more than all of the pixel."""
+    """Composite the queued points; together they cover at most the whole pixel."""
     points, film, rgba = blend.points[row, column], blend.film, blend.film.rgba
     opacity, cover, before = points["opacity"], points["cover"], rgba[row, column, 3]
     if opacity > ZERO:

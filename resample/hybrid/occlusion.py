@@ -1,4 +1,4 @@
-"""Section 6: an occlusion map, which says of blocks of pixels whether any is still open."""
+"""Section 6: an occlusion map, which marks blocks with open pixels."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Section 2: a point is what the circular filter at each pixel sees of it."""
+"""Section 2: points, weighted by the circular filter at each pixel."""
 
 import math
 

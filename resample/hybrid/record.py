@@ -1,4 +1,4 @@
-"""What a sample is once it is on the screen: a point or an ellipse, whatever it was before."""
+"""Record of a sample on the screen: a point or an ellipse, for any kind of sample."""
 
 import math
 

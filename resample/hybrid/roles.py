@@ -20,7 +20,7 @@ Blend = Any  # one of `WeightedSum`, `NearestSurface`, `OverBlend`
 
 @role
 def sweeps(blend: Blend) -> int:
-    """How often all samples of a tile are gone through."""
+    """Number of passes over all samples of a tile."""
     raise NotImplementedError
 
 
@@ -47,7 +47,7 @@ def touch(
     index2: Single,
     amount: Single,
 ) -> int:
-    """Give the pixel what it sees of sample n; returns 1 if that closes it, else 0.
+    """Add sample n to the pixel; return 1 if this closes it, else 0.
 
     `index2`: squared index i² of the pixel in the footprint, 0 center, 1 rim. `amount`: weight
     times F(d).
@@ -57,5 +57,5 @@ def touch(
 
 @role
 def finish(blend: Blend, row: np.uint64, column: np.uint64) -> None:
-    """Complete the pixel, which gets nothing more."""
+    """Finish the pixel after its last sample."""
     raise NotImplementedError

@@ -178,7 +178,7 @@ def _linear_splat(
     size: Covariance,
     shape: tuple[int, int],
 ) -> None:
-    """Fill in a splat of a linear projection, exact where rays are parallel: there i is d.
+    """Fill in a splat of a linear projection; exact for parallel rays, where i is d.
 
     `ray`: through its center, of any length.
     """

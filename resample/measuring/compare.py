@@ -44,7 +44,7 @@ def shown(image: Floats, background: Background = (0.0, 0.0, 0.0)) -> Floats:
 
 
 def milliseconds(run: Callable[[], object], runs: int = RUNS, patience: float = PATIENCE) -> float:
-    """Median time of runs; after `patience` seconds no other begins."""
+    """Median time of runs; after `patience` seconds no new run begins."""
     duration: list[float] = []
     begin = time.perf_counter()
     while not duration or (len(duration) < runs and time.perf_counter() - begin < patience):

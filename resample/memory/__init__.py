@@ -23,7 +23,7 @@ ALLOWED: ContextVar[int | None] = ContextVar("allowed", default=None)
 
 
 def return_freed_memory() -> None:
-    """Return freed memory to the system: what there is now, and large arrays from now on.
+    """Return freed memory to the system now, and large arrays from now on.
 
     By default glibc keeps arrays of up to 32 MiB in each thread. No effect elsewhere.
     """

@@ -85,7 +85,7 @@ def pages_of(size: int) -> int | None:
 def array_like(
     values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike, what: str
 ) -> NDArray[Any]:
-    """Create an array for results of others: in a file if one of them is in a file."""
+    """Create an array for results of arrays: in a file if one of them is in a file."""
     held = _of(values)
     return np.empty(shape, kind) if held is None else array_in_file(shape, kind, held[0], what)
 
@@ -148,7 +148,7 @@ def _watch() -> None:
 
 
 def _let_go() -> None:
-    """Release pages as long as there are arrays."""
+    """Release pages as long as arrays exist."""
     global _thread  # noqa: PLW0603
     while True:
         time.sleep(OFTEN)

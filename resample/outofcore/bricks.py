@@ -42,7 +42,7 @@ class SharedBricks:
 
     @classmethod
     def within(cls, most: int, bricks: int, slot: int) -> Self | None:
-        """Make a file of at most so many bytes for bricks; None where that is impossible."""
+        """Make a file of at most so many bytes for bricks; None if impossible."""
         slot = _aligned(slot)
         count = max(0, min(bricks, (most - TOKEN - ALIGNED) // (slot + 4)))
         if not count or not Path("/proc/self/fd").exists():
@@ -70,7 +70,7 @@ class SharedBricks:
     def found(
         self, number: int, shape: tuple[int, ...], dtype: np.dtype[Any]
     ) -> NDArray[Any] | None:
-        """Return a brick if a process has kept it."""
+        """Return a brick if a process has stored it."""
         if number >= self.count or not self._sums[number]:
             return None
         held = self._place(number, prod(shape) * dtype.itemsize)
@@ -81,7 +81,7 @@ class SharedBricks:
         return held.view(dtype).reshape(shape)
 
     def keep(self, number: int, values: NDArray[Any]) -> bool:
-        """Keep a brick, if it has a place; whether it has."""
+        """Store a brick if it has a place; return whether it has."""
         if number >= self.count or values.nbytes > self.slot:
             return False
         held = np.ascontiguousarray(values).reshape(-1).view(np.uint8)
@@ -99,7 +99,7 @@ def _sum_of(values: NDArray[np.uint8]) -> int:
 
 
 def _opened(path: str, token: bytes, form: tuple[int, int]) -> SharedBricks | None:
-    """Open a file of another process; None on another machine, or when that has ended."""
+    """Open a file of another process; None on another machine, or after its end."""
     with suppress(OSError), Path(path).open("r+b") as file:
         if file.read(TOKEN) == token:
             return SharedBricks(file.fileno(), path, token, form)
@@ -149,7 +149,7 @@ class PinnedCache:
         return self._kept.get(index)
 
     def keep(self, index: Step, values: NDArray[Any]) -> None:
-        """Cache a brick if there is room, unless it is constant and so known without reading."""
+        """Cache a brick if there is room, unless it is constant, so never read."""
         if values.nbytes > self.most - self.size or (
             is_known_by_its_ends(values.dtype) and bool(values.min() == values.max())
         ):
@@ -187,7 +187,7 @@ def _cache_here(most: int, name: tuple[str, str]) -> PinnedCache:
 
 
 def is_known_by_its_ends(dtype: np.dtype[Any]) -> bool:
-    """Return whether equal ends tell all values of a type."""
+    """Return whether equal minimum and maximum determine all values of a type."""
     return dtype.kind in "iu" and dtype.itemsize <= 4  # float64 holds them exactly, and none is NaN
 
 
@@ -252,7 +252,7 @@ class BrickArray:
         return self.decoded(values)
 
     def decoded(self, stored: NDArray[Any]) -> NDArray[Any]:
-        """Return values for those in the file; here the same."""
+        """Convert stored values; here unchanged."""
         return stored
 
     def share_bricks(self) -> None:
@@ -270,7 +270,7 @@ class BrickArray:
         return replace(self, reads=0, _lock=Lock())
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process needs."""
+        """Return the state that another process needs."""
         return self.__dict__ | {"found": {}, "_lock": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

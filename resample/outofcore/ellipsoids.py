@@ -89,7 +89,7 @@ def paint_parts(
 
 
 class Held:
-    """Records of all parts, counted, and held as long as they fit."""
+    """Records of all parts, counted, and kept as long as they fit."""
 
     def __init__(self, most: int) -> None:
         self.count, self._most = 0, most

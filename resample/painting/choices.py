@@ -80,7 +80,7 @@ class Opacity(StrEnum):
 
 
 class Projection(StrEnum):
-    """What a pixel shows of the field along its ray; all but COMPOSITE need a `LatticeField`."""
+    """Reduction of the field along a pixel's ray; all but COMPOSITE need a `LatticeField`."""
 
     COMPOSITE = "composite"  # light, attenuated by the medium in front
     MAXIMUM = "maximum"  # maximum value
@@ -180,13 +180,13 @@ def technique_of(primitive: str) -> Technique:
 
 
 def footprints_of(primitive: str) -> tuple[Footprint, ...]:
-    """Models of splats that go with a primitive."""
+    """Models of splats that a primitive allows."""
     return technique_of(primitive).footprints
 
 
 @dataclass(frozen=True)
 class PaintChoices:
-    """All choices of a `Resampler`, which explains them; they go together."""
+    """All choices of a `Resampler`, which explains them, checked together."""
 
     primitive: Primitive | str = Primitive.HYBRID
     footprint: OneOf[Footprint | None, FootprintName] = OneOf(Footprint, None)
@@ -304,7 +304,7 @@ def _primitive_named(name: str, what: str = "method") -> Primitive | str:
 def check_sort_of(
     choice: PaintChoices, samples: Samples | LatticeField | list[LatticeField]
 ) -> None:
-    """Refuse a field that the order cannot classify, and samples that hold no field."""
+    """Reject a field that the order cannot classify, and samples without a field."""
     if isinstance(samples, list):
         # Reject a list that is not of fields on lattices, and projections of one field.
         if not samples or not all(isinstance(field, LatticeField) for field in samples):
@@ -331,7 +331,7 @@ def check_sort_of(
 
 
 def check_scaled(choice: PaintChoices) -> None:
-    """Refuse choices that would paint samples of a scale each as if they had none."""
+    """Reject choices that would ignore the scales of samples."""
     if choice.order.summing is not Summing.POINTS:
         raise ValueError(f"samples of a scale each need the order every-sample, not {choice.order}")
     is_linear = choice.opacity is Opacity.LINEAR

@@ -124,7 +124,7 @@ class SplatPainter:
 def _paint_rows(
     scene: ShapedScene, source: "SampleSource", top: int, bottom: int, canvas: "PaintedShapes"
 ) -> Iterator[tuple[NDArray[np.int64], float]]:
-    """Paint rows of a picture, some depths at a time; what opaque pixels hide is not projected.
+    """Paint rows of a picture in ranges of depth; samples behind opaque pixels are culled.
 
     Yield how many samples were painted, how many others are hidden, and how many of the painted
     are smaller than a sub-pixel, and the share of all work.
@@ -162,7 +162,7 @@ def _paint_rows(
 
 
 def _batches(scene: ShapedScene, samples: Samples) -> Iterator[NDArray[np.int64] | None]:
-    """Yield the numbers of samples, those that are nearer first; None: all of them."""
+    """Yield the numbers of samples, nearer ones first; None: all of them."""
     count = samples.extinction.size
     if count < FEWEST:
         yield None
@@ -219,7 +219,7 @@ def _may_be_seen(
     reach = np.float32(wide * (1 + slope**2) + 1.0 / grid.fine)
 
     def stored(px: Floats) -> Floats:
-        """Sub-pixel of tiles, which also hold some of the next where grids do not divide them."""
+        """Sub-pixels of tiles, including some of the next tile's if grids do not divide them."""
         tile = np.floor(px * np.float32(1.0 / grid.side))
         inside = (px - tile * grid.side) * np.float32(grid.fine)
         return np.asarray(tile * np.float32(SIDE) + inside, np.float32)

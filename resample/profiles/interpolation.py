@@ -304,7 +304,7 @@ def cumulative(interpolation: Interpolation) -> tuple[Doubles, Doubles]:
 
 @once
 def blur(interpolation: Interpolation) -> float:
-    """By how much an interpolation widens samples: 12 times its variance, samples², 0 or more.
+    """Blur of an interpolation: 12 times its variance, samples², 0 or more.
 
     So much longer a box is, squared, after it. Kernels that reproduce parabolas widen nothing;
     linear interpolation widens a box of 1 to one of √3.
@@ -348,7 +348,7 @@ def side_weights(
 def point_weights(
     interpolation: Interpolation, place: Doubles
 ) -> tuple[NDArray[np.int64], Doubles]:
-    """Weights of samples at places (N,), as `side_weights` has them for sides."""
+    """Weights of samples at places (N,), as `side_weights` for sides."""
     before = np.floor(place - 0.5)
     weight = _at_points(interpolation, place - 0.5 - before)
     return before.astype(np.int64) + 1 - weight.shape[1] // 2, weight
@@ -366,7 +366,7 @@ def own_weights(interpolation: Interpolation) -> tuple[int, Doubles]:
 
 
 def _at_points(interpolation: Interpolation, fraction: Doubles) -> Doubles:
-    """Weights (N, K) of the samples around points that are so far beyond a sample's center."""
+    """Weights (N, K) of the samples around points, by distance beyond a sample's center."""
     reach = max(1, math.ceil(interpolation.radius))
     distance = np.abs(np.arange(1 - reach, reach + 1) - fraction[:, None])
     inside = np.minimum(distance, interpolation.radius)

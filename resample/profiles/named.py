@@ -74,7 +74,7 @@ class _Held(Generic[T]):
         self.name = name
 
     def __get__(self, choices: object, owner: type | None = None) -> T:
-        """Return the object; of the class, the default."""
+        """Return the object, or on the class the default."""
         return self.default if choices is None else cast(T, vars(choices)[self.name])
 
     def _is_default(self, given: object) -> bool:

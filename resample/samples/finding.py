@@ -134,7 +134,7 @@ def _make(target: Path, spec: str, name: str) -> None:
 
 
 def _read(target: Path) -> CachedSample:
-    """Read the list of a sample's files, and what it adds to commands."""
+    """Read the list of a sample's files, and its options for commands."""
     from resample.samples.writing import DefaultOptions
 
     path = target / CONTENTS
@@ -199,7 +199,7 @@ def _view(text: str) -> str:
 
 
 def _bases() -> Iterator[str]:
-    """Folders of samples, the best first: that of the data, the user's cache, a temporary one."""
+    """Folders of samples, the best first: the data folder, the user's cache, a temporary one."""
     from platformdirs import user_cache_dir
 
     places = (os.environ.get(FOLDER_VARIABLE), user_cache_dir("hybrid-resample"))

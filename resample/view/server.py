@@ -192,7 +192,7 @@ def _server(served: "Starlette") -> "uvicorn.Server":
 
 
 def _listening(host: str, port: int) -> tuple[socket.socket, list[str]]:
-    """Listen at an address; also its names with the port, first one that others can use."""
+    """Listen at an address; also return its names with the port, a public one first."""
     host = host.removeprefix("[").removesuffix("]")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     both = host == "::" and socket.has_dualstack_ipv6()

@@ -69,7 +69,7 @@ class Draw(_Message):
 
 
 class Pick(_Message):
-    """Describe what is visible at a position."""
+    """Describe the object at a position."""
 
     kind: Literal["pick"]
     x: Number  # px to the right; pixel centers are at halves

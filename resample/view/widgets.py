@@ -88,7 +88,7 @@ class Viewer(anywidget.AnyWidget):
         super().close()
 
     def _given(self) -> dict[str, Any]:
-        """Settings without those that only the page sets."""
+        """Settings, except those that only the page sets."""
         return {key: value for key, value in self.settings.items() if value != ""}
 
     @traitlets.validate("settings")
@@ -147,7 +147,7 @@ class Viewer(anywidget.AnyWidget):
 
 
 def named(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Options as on the page, spelled as in Python (`opacity_unit`) or as there."""
+    """Options as on the page, spelled as in Python (`opacity_unit`) or as on the page."""
     return {key.replace("_", "-"): value for key, value in settings.items()}
 
 

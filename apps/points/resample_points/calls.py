@@ -1,4 +1,4 @@
-"""Render and film whatever holds points in one call: arrays, clouds, 3D Gaussians, files."""
+"""Render and film arrays, clouds, 3D Gaussians and files in one call."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -271,7 +271,7 @@ def animate(
 
 
 def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
-    """Open what `render` takes: a file of points or of 3D Gaussians, or positions (N, 3).
+    """Open an input of `render`: a file of points or of 3D Gaussians, or positions (N, 3).
 
     Raises
     ------

@@ -221,7 +221,7 @@ def _holds(dtype: np.dtype[Any], value: Any) -> bool:
 
 
 def without_nodata(image: NDArray[Any], nodata: complex | None) -> NDArray[Any]:
-    """Mask the value that stands for missing ones."""
+    """Mask the value for missing data."""
     if nodata is None:
         return image
     if isinstance(image, np.ma.MaskedArray):
@@ -295,7 +295,7 @@ class GivenPictures(NamedTuple):
 def given_pictures(
     given: Any, axis: AnyAxis | None = None, matrices: int | None = None, kinds: str = "biufc"
 ) -> GivenPictures:
-    """Read what `warp` takes as a picture or a stack; see `axis_of`."""
+    """Read an argument of `warp` as a picture or a stack; see `axis_of`."""
     values, is_encoded = given, None
     if type(given) not in (np.ndarray, np.ma.MaskedArray) or given.dtype.kind not in kinds:
         values, is_encoded = picture_and_encoding(given, kinds=kinds)
@@ -306,7 +306,7 @@ def given_pictures(
 
 
 def axis_of(image: Any, axis: AnyAxis | None = None, matrices: int | None = None) -> AnyAxis | None:
-    """Return which axis of an array does not belong to a picture: 0, -1, or None.
+    """Return the axis of an array that does not belong to a picture: 0, -1, or None.
 
     `axis`: as `warp` takes it; by default three dimensions are a picture of up to 15 channels,
     unless there is a matrix for each frame. `matrices`: number of matrices, if they are a stack.
@@ -346,7 +346,7 @@ def axis_of(image: Any, axis: AnyAxis | None = None, matrices: int | None = None
 
 
 def matrices_in(given: Any, shape: Size) -> NDArray[Any] | None:
-    """Return matrices (N, 3, 3) or (N, 2, 3), if that is given; `shape`: of the target."""
+    """Return matrices (N, 3, 3) or (N, 2, 3), if given; `shape`: of the target."""
     if callable(given) or not isinstance(given, list | tuple | np.ndarray):
         return None
     try:
@@ -428,7 +428,7 @@ def resized(
 
 
 def _side(name: str, given: int | None, following: float) -> int:
-    """Return a side, px: as given, or else in proportion to the other."""
+    """Return a side, px: as given, or in proportion to the other."""
     if given is not None and not (hasattr(given, "__index__") and given > 0):
         raise ValueError(f"{name} {shortly(given)}; give a whole number of px, 1 or more")
     return _rounded(following) if given is None else int(given)

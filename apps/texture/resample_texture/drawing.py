@@ -128,7 +128,7 @@ def drawn(image: NDArray[Any], drawing: Drawing) -> Warped:
 
 
 def prepared(drawing: Drawing, size: Size) -> Drawing:
-    """Prepare the method for many pictures (height, width), if it can and the edge is its own."""
+    """Prepare the method for many pictures (height, width), if it can and handles the edge."""
     method: Any = drawing.method
     if not hasattr(method, "planned") or drawing.edge == REFLECT_101 or 0 in size:
         return drawing
@@ -225,7 +225,7 @@ def finished(warped: Warped, encoding: Encoding, fill: Any = None) -> Warped:
 
 
 def filled(warped: Warped, fill: Any) -> WarpedMeans:
-    """Put a value, or a mask, where nothing covers a pixel."""
+    """Put a value, or a mask, in uncovered pixels."""
     image, is_empty = warped.image, warped.coverage == 0.0
     if isinstance(image, np.ma.MaskedArray):
         is_all = is_empty.reshape(is_empty.shape + (1,) * (image.ndim - is_empty.ndim))

@@ -351,7 +351,7 @@ def project(
 def _drawn(
     picture: NDArray[Any], before: PictureProjection, ray: NDArray[Any], choices: ProjectOptions
 ) -> Warped:
-    """Draw what directions (h, w, 3) show."""
+    """Draw a picture by its directions (h, w, 3)."""
     from scipy import ndimage
 
     form, made = (ray.shape[0], ray.shape[1]), None

@@ -123,7 +123,7 @@ class Previewed(Warped):
 
 
 class SamplingOptions(TypedDict, total=False):
-    """Options of methods, as `warp` describes them: how texels become pixels."""
+    """Options of methods, as `warp` describes them: conversion of texels to pixels."""
 
     filter: PixelFilter | str | None  # pixel filter
     interpolation: Interpolation | str | None  # between texels
@@ -132,27 +132,27 @@ class SamplingOptions(TypedDict, total=False):
 
 
 class PlaceOptions(TypedDict, total=False):
-    """What coordinates of a matrix or a function mean, as `warp` describes it."""
+    """Meaning of coordinates of a matrix or a function, as `warp` describes it."""
 
     convention: AnyConvention
     inverse: bool  # whether the matrix maps target to source
 
 
 class StackOptions(TypedDict, total=False):
-    """What the axes of an array are, as `warp` describes it."""
+    """Meaning of an array's axes, as `warp` describes it."""
 
     axis: AnyAxis | None
 
 
 class MissingOptions(TypedDict, total=False):
-    """Values that stand for missing ones, as `warp` describes them."""
+    """Values for missing data, as `warp` describes them."""
 
     nodata: complex | None
     fill: Fill | None
 
 
 class ValueOptions(MissingOptions, total=False):
-    """What values of a picture mean, as `warp` describes it."""
+    """Meaning of a picture's values, as `warp` describes it."""
 
     linear_light: AnyLight | None
     alpha: AnyAlpha | None

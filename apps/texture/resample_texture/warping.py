@@ -312,7 +312,7 @@ def warp_points(
     convention: AnyConvention = "corner",
     inverse: bool = False,
 ) -> Doubles:
-    """Return where points of a picture lie in its warp, or the way back.
+    """Map points of a picture to its warp, or back.
 
     Parameters
     ----------

@@ -276,13 +276,13 @@ class Appearance:
 
     @property
     def extras(self) -> list[str]:
-        """Names of chosen options that not all projections allow."""
+        """Names of chosen options that some projections do not allow."""
         chosen = ((name, getattr(self, field)) for name, field in EXTRAS.items())
         return [name for name, choice in chosen if choice not in (None, (), False)]
 
 
 def _several_of(name: str, given: Any, *kinds: Any) -> tuple[Any, ...]:
-    """Return objects of a kind; one is given as such, or in a list; some may be texts for it."""
+    """Return objects of a kind, given alone or in a list; some may be texts."""
     wanted = " or ".join(kind.__name__ for kind in kinds)
     try:
         found = [given] if isinstance(given, kinds) else list(given or ())
@@ -318,7 +318,7 @@ def named_transfer(
 def check_together(
     resampler: Resampler, classification: Classification, extras: Collection[str] = ()
 ) -> None:
-    """Reject options that exclude each other, and say which are allowed."""
+    """Reject options that exclude each other, and list the allowed ones."""
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
     # Reject options for projections of values under other projections

@@ -207,7 +207,7 @@ def animate(
     size: tuple[int, int] | int = (400, 400),
     **options: Unpack[AnimateOptions],
 ) -> NDArray[np.uint8] | None:
-    """Film a volume as `resample-volume animate` does: a camera goes around it, or times pass.
+    """Film a volume as `resample-volume animate` does: along a camera path, or over time.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def _is_ramp(given: Any) -> bool:
 
 
 def _faded(look: Appearance, given: Any) -> Appearance:
-    """Return a look with opacities that are spread over its window."""
+    """Return a look with opacities spread over its window."""
     transfer = look.transfer
     if not isinstance(transfer, TransferFunction):
         raise TypeError(f"opacity {shortly(given)}; give it with a colormap, such as cmap='gray'")
@@ -271,7 +271,7 @@ def _faded(look: Appearance, given: Any) -> Appearance:
 
 
 def spelled(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options with a window of others' words, and the projection of an iso value."""
+    """Return options with other libraries' window translated, and an iso value's projection."""
     given = dict(options)
     if np.shape(given.get("scale", "")) == (3,):  # of napari: along z, y and x
         given["spacing"] = tuple(given.pop("scale"))[::-1]

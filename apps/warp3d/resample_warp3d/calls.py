@@ -201,7 +201,7 @@ def stereo(
 def animate(
     picture: Any, depth: Any, output: Named | None = None, **options: Unpack[AnimateOptions]
 ) -> NDArray[np.uint8] | None:
-    """Film a picture with depth as `resample-warp3d animate` does: a camera moves in it.
+    """Film a picture with depth as `resample-warp3d animate` does: along a camera path.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def animate(
 
 @contextmanager
 def _files(picture: Any, depth: Any) -> Iterator[tuple[list[str], Path]]:
-    """Names of a picture and its depth, which are written to a folder unless they have some."""
+    """Files of a picture and its depth; arrays are written to a folder."""
     from PIL import Image
 
     with TemporaryDirectory() as folder:
@@ -261,7 +261,7 @@ def _files(picture: Any, depth: Any) -> Iterator[tuple[list[str], Path]]:
 
 
 def _spelled(options: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return options as the command takes them: cameras as numbers, poses as files."""
+    """Return options in the command's form: cameras as numbers, poses as files."""
     given = {name: value for name, value in options.items() if value is not None}
     for name in {*POSES} & given.keys():
         if np.shape(given[name]) in ((3, 4), (4, 4)):

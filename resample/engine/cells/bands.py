@@ -1,7 +1,7 @@
 """Cells on the screen: boxes of pixels, their sums, and bands of rows, each painted by one thread.
 
 Passes go batch by batch, in the order of the source. Visibility takes several: find the nearest
-cells, the next ones, and what these leave. The application plays `placed` for the source, which is
+cells, the next ones, and the rest. The application plays `placed` for the source, which is
 projected again in every pass, `take` for every kind of pass, and `skips` for passes that do not
 need all members.
 """
@@ -41,7 +41,7 @@ class Means(NamedTuple):
 
 
 def offsets(bounds: Integers, lanes: int) -> Integers:
-    """Index where the sums of each part begin (B + 1,)."""
+    """Index of the first sum of each part (B + 1,)."""
     start = np.zeros(len(bounds) + 1, np.int64)
     pixels = (bounds[:, BOTTOM] - bounds[:, TOP]) * (bounds[:, RIGHT] - bounds[:, LEFT])
     np.cumsum(pixels * lanes, out=start[1:])
@@ -150,7 +150,7 @@ def length(a: Single, b: Single) -> Single:
 
 @inner_kernel
 def beyond(start: Number, extent: Number, pixel: Number) -> Number:
-    """Share of a box, along an axis, beyond the pixel in which it starts."""
+    """Share of a box, along an axis, beyond the pixel where it starts."""
     return max(np.float32(0), (start + extent - pixel - np.float32(1)) / extent)
 
 
@@ -223,7 +223,7 @@ def placed(source: Source, member: int, batch: Members) -> int:
 
 @role
 def skips(look: Pass, source: Source, member: int, nth: int) -> bool:
-    """Whether a pass needs nothing of a member, the `nth` that meets the band."""
+    """Whether a pass can skip a member, the `nth` that meets the band."""
     raise NotImplementedError
 
 

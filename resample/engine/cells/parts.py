@@ -52,13 +52,13 @@ class SourceParts(NamedTuple):
 
 @making_role
 def begun(source: Source, part: int) -> Work:
-    """Set up what a part's cells are placed with, and scratch for a batch of them."""
+    """Set up a part for placing its cells, and scratch for a batch of them."""
     raise NotImplementedError
 
 
 @role
 def lines(source: Source, part: int) -> int:
-    """Number of batches that the cells of a part come in."""
+    """Number of batches of a part's cells."""
     raise NotImplementedError
 
 
@@ -66,7 +66,7 @@ def lines(source: Source, part: int) -> int:
 def fill(
     source: Source, part: int, line: int, box: Integers, spread: FilterTaps, work: Work
 ) -> int:
-    """Place a batch of cells within the pixels `box` (4,) of their part; return how many."""
+    """Place a batch of cells within the pixels `box` (4,) of their part; return their count."""
     raise NotImplementedError
 
 

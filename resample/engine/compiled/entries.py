@@ -60,7 +60,7 @@ def read(path: Path) -> Entry | None:
 
 
 def write(path: Path, entry: Entry) -> None:
-    """Store an entry. A disk that is full, or may not be written to, is told of once.
+    """Store an entry. A disk that is full or read-only is reported once.
 
     The file appears whole, or not at all.
     """
@@ -87,7 +87,7 @@ def _checksum(data: bytes) -> bytes:
 
 @cache
 def say_that_nothing_is_kept(reason: str) -> None:
-    """Tell once that kernels are compiled for this process alone."""
+    """Report once that kernels are compiled for this process alone."""
     LOG.info(
         "kernels cannot be kept on disk (%s): every process compiles them; set NUMBA_CACHE_DIR",
         reason,
@@ -100,7 +100,7 @@ def _prune_once(folder: Path) -> None:
 
 
 def prune(folder: Path, most: int = MOST) -> None:
-    """Remove files that were not used for long, and all above a number of bytes, oldest first."""
+    """Remove files unused for long, and the oldest above a number of bytes."""
     now, kept = time.time(), 0
     used = []
     for file in folder.iterdir():

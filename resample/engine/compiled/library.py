@@ -63,7 +63,7 @@ def dtype_name(dtype: DTypeLike) -> str:
 
 
 def kernel(function: Callable[..., Any]) -> Call | None:
-    """A kernel of the library, to be called with a tuple and a dict of arguments.
+    """A kernel of the library; call it with a tuple and a dict of arguments.
 
     The call gives `NotImplemented` if the library has no code for their types. None if the library
     has no code of the kernel at all, or is not used.
@@ -90,12 +90,12 @@ def kernel(function: Callable[..., Any]) -> Call | None:
 
 
 def is_there() -> bool:
-    """Whether there is a library, and it is used."""
+    """Whether a library exists and is used."""
     return _native() is not None
 
 
 def _admits(found: Any, stale: set[int], function: FunctionType, args: Any, kwargs: Any) -> bool:
-    """Whether the library has code for a first call, of the sources that are there now."""
+    """Whether the library has code for a first call, from the current sources."""
     name = f"{function.__module__}.{function.__qualname__}"
     match = found.match(args, kwargs)
     if match is None:
@@ -133,7 +133,7 @@ def _say_that_it_is_missing(name: str, what: str) -> None:
 
 @cache
 def _native() -> ModuleType | None:
-    """The shared library, if there is one and it is to be used."""
+    """The shared library, if it exists and is enabled."""
     asked = os.environ.get(VARIABLE, "on")
     if asked not in {"on", "off"}:
         raise ValueError(f"{VARIABLE} is {asked!r}: on or off")
@@ -162,12 +162,12 @@ def _native() -> ModuleType | None:
 
 
 def sealed(file: bytes) -> bytes:
-    """Content of a library's file with its checksum at the end, where loaders do not look."""
+    """Content of a library's file with its checksum at the end, which loaders ignore."""
     return file + _seal(memoryview(file))
 
 
 def is_whole(file: bytes) -> bool:
-    """Whether the content of a library's file is as `sealed` left it.
+    """Whether the content of a library's file is unchanged since `sealed`.
 
     macOS checks the signature that its linker has written at the end, after which nothing may be.
     """
@@ -182,5 +182,5 @@ def _seal(content: memoryview) -> bytes:
 
 
 def lacking(native: ModuleType) -> tuple[str, ...]:
-    """What the library needs of the processor and is not there."""
+    """Processor features that the library needs and that are missing."""
     return tuple(native.lacking())

@@ -40,7 +40,7 @@ class StoredCoefficients(NamedTuple):
 
 
 def bundled(flat: NDArray[Any]) -> StoredCoefficients:
-    """Put coefficients of either type into one bundle, which one kernel takes."""
+    """Put coefficients of either type into one bundle for one kernel."""
     if flat.dtype == np.uint16:
         return StoredCoefficients(flat, np.empty(0, np.float32))
     return StoredCoefficients(np.empty(0, np.uint16), flat)
@@ -145,7 +145,7 @@ class LatticeSamples(NamedTuple):
 
 
 def values_of(given: NDArray[Any]) -> LatticeSamples:
-    """Put samples of any type into one bundle, which one kernel takes."""
+    """Put samples of any type into one bundle for one kernel."""
     arrays = {name: np.empty((0, 0, 0), name) for name in LatticeSamples._fields}
     for array in arrays.values():
         array.setflags(write=False)
@@ -455,7 +455,7 @@ def find_bounds(
 
 
 class VisibleValues(NamedTuple):
-    """Which values of a spline are visible, by its coefficients."""
+    """Visible values of a spline, in units of its coefficients."""
 
     zero: float  # column of the coefficient 0
     scale: float  # columns
@@ -539,7 +539,7 @@ def find_next_bricks(away: NDArray[np.uint8]) -> None:
 
 @kernel
 def number_parts(part: NDArray[np.int64]) -> int:
-    """Number what touches in cells (Z, Y, X), by corners too, from 1; count these parts.
+    """Label connected cells (Z, Y, X), also by corners, from 1; return the number of parts.
 
     `part`: -1 where cells are filled, 0 where they are empty; gets the numbers.
     """

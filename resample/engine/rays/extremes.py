@@ -65,7 +65,7 @@ Best = tuple[float, int]  # a signed value, and its step
 
 @inner_step
 def _walk(blocks: Blocks, way: Vector) -> Walk:
-    """Walk of a ray, which goes so many cells per step."""
+    """Walk of a ray, given its cells per step."""
     size, row, plane = float(1 << blocks.shift), blocks.across, blocks.across * blocks.down
     return Walk(
         (
@@ -90,7 +90,7 @@ def _wall(place: float, way: float, apart: float, shift: int) -> float:
 
 @inner_step
 def _stop(blocks: Blocks, walk: Walk, place: Vector, way: Vector, step: float) -> Stop:
-    """The block of a position that is reached after some steps."""
+    """The block of a position after some steps."""
     shift, apart = blocks.shift, walk.apart
     i, j, k = int(place[0]) >> shift, int(place[1]) >> shift, int(place[2]) >> shift
     return Stop(
@@ -105,7 +105,7 @@ def _stop(blocks: Blocks, walk: Walk, place: Vector, way: Vector, step: float) -
 
 @inner_step
 def _next(walk: Walk, stop: Stop) -> tuple[float, Stop]:
-    """Steps to where a ray leaves a block, and the block behind."""
+    """Steps until a ray leaves a block, and the next block."""
     (x, y, z), apart, stride = stop.wall, walk.apart, walk.stride
     if x < y and x < z:
         return x, Stop(stop.block + stride[0], (x + apart[0], y, z))
@@ -118,7 +118,7 @@ def _next(walk: Walk, stop: Stop) -> tuple[float, Stop]:
 def _promising(
     blocks: Blocks, ray: Ray, way: Vector, part: tuple[float, float]
 ) -> tuple[float, float]:
-    """Part of a part of a ray, both in steps, in the block of the greatest bound."""
+    """Segment of a part of a ray, in steps, in the block of the greatest bound."""
     walk, begin, most, found = _walk(blocks, way), part[0], -1, part
     stop = _stop(blocks, walk, place_at(ray, begin), way, begin)
     while begin < part[1]:
@@ -133,7 +133,7 @@ def _promising(
 
 @inner_step
 def _level(way: Extreme, best: float) -> float:
-    """Level that a bound exceeds if it promises more than the best value so far."""
+    """Level that a bound exceeds if it may beat the best value so far."""
     return (best - way.zero) * way.per_column + way.slack
 
 
@@ -171,7 +171,7 @@ def _sampled(way: Extreme, ray: Ray, medium: Medium, best: Best, part: tuple[flo
 def _raised(
     way: Extreme, ray: Ray, medium: Medium, best: Best, toward: Vector, part: tuple[float, float]
 ) -> Best:
-    """As `_sampled`, past leaves that do not promise more."""
+    """As `_sampled`, skipping leaves with lower bounds."""
     walk, begin = _walk(way.leaf, toward), part[0]
     stop = _stop(way.leaf, walk, place_at(ray, begin), toward, begin)
     while begin < part[1]:

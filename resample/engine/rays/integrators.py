@@ -70,7 +70,7 @@ class Mean(NamedTuple):
 
 
 class AttenuatedMaximum(NamedTuple):
-    """The greatest value along the ray, where each is dimmed by the values in front of it."""
+    """The greatest value along the ray, each dimmed by the values in front of it."""
 
     voxel: float  # scene units
     per_column: float  # attenuation per column of the values and scene unit
@@ -155,7 +155,7 @@ def _between(one: RaySample, two: RaySample, apart: float) -> float:
 
 @inner_step
 def _shows(classifier: SummedClassifier, least: float, most: float) -> bool:
-    """Whether any value between two is visible."""
+    """Whether any value between two values is visible."""
     # Prefix counts of visible columns: compare those at both ends.
     first, last = int(least), math.ceil(most)
     return bool(classifier.visible[np.uint64(last + 1)] > classifier.visible[np.uint64(first)])
@@ -260,7 +260,7 @@ def put_step(
 def step_after(
     ray: Ray, step: int, here: RaySample, medium: Medium
 ) -> tuple[int, RaySample, float, float]:
-    """The next visible step, its middle, and the values at this one's back and at its front."""
+    """The next visible step, its middle, and the values at this step's back and its front."""
     ahead, back = here, here.value + 0.5 * here.rise
     following, begin = next_step(ray, step + 1, medium.bricks), back
     if following < ray.steps:

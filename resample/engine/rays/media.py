@@ -172,7 +172,7 @@ def steps_out(ray: Ray, place: Vector, apart: int) -> float:
 
 @inner_step
 def _is_seen(bricks: BrickBounds, brick: int, place: Vector) -> bool:
-    """Whether the cell of a position is visible, in a brick that is."""
+    """Whether the cell of a position is visible, in a visible brick."""
     if bricks.cells.size == 0:
         return True
     i, j, k = int(place[0]) & LAST, int(place[1]) & LAST, int(place[2]) & LAST
@@ -263,7 +263,7 @@ def _sums_at(classifier: SummedClassifier, place: float) -> Light:
 
 @inner_step
 def _apart(end: float, middle: float) -> float:
-    """A value, moved where it is too close to another for their difference to be divided by."""
+    """A value, moved if its difference to another is too small for a division."""
     if abs(end - middle) >= EVEN:
         return end
     return middle - EVEN if middle >= EVEN else middle + EVEN

@@ -177,7 +177,7 @@ def _cast(
 def _interpolate_if_even(
     medium: Medium, output: Output, home: Home, n: int, fine: Floats, at: tuple[int, int, int, int]
 ) -> bool:
-    """Interpolate a sub-pixel if all is even along two lines through it; return whether it was."""
+    """Interpolate a sub-pixel if it is even along two lines through it; return whether so."""
     # Silhouettes of meshes are sharp: cast a ray there.
     row, column, down, right = at
     x, y = _point(output, home, n, row, column)
@@ -206,7 +206,7 @@ def _place_in_square(apart: int, top: int, left: int, fine: Floats) -> tuple[int
 
 @inner_kernel
 def _may_show(shown: Flags, row: float, column: float) -> bool:
-    """Whether anything may be visible around a place that counts squares; unless they are known."""
+    """Whether anything may be visible around a place, in squares; True if unknown."""
     if shown.size == 0:
         return True
     rows, columns = shown.shape
@@ -217,7 +217,7 @@ def _may_show(shown: Flags, row: float, column: float) -> bool:
 def _fill_even_squares(
     apart: int, shown: Flags, first: tuple[float, float], per: float, fine: Floats
 ) -> None:
-    """Copy the first ray of each square, which its corner has, to all of it if it is even.
+    """Copy the first ray of each square, at its corner, to the whole square if even.
 
     A square is even if it is as opaque as those around it, by the first ray of each. Where one of
     them is empty, but something may be visible, it may lie between the rays. Elsewhere opacity that
@@ -393,7 +393,7 @@ def paint_rays(
 
 @kernel
 def weigh_neighbours(lines: Floats, middle: float, side: float, weighed: Floats) -> None:
-    """Sum each value and both its neighbours in a line, which at ends is the value itself.
+    """Sum each value and both its neighbours in a line; ends are repeated.
 
     `lines`: (lines, places, numbers). `middle`, `side`: weights. `weighed`: result; may be `lines`.
     """

@@ -48,7 +48,7 @@ EXTINCTION, FRONT, BACK = 3, 4, 5
 
 
 class March(NamedTuple):
-    """How far a field has been marched on a ray."""
+    """Progress of a field's march on a ray."""
 
     ray: Ray
     aims: Aims
@@ -95,7 +95,7 @@ class SeveralFields(NamedTuple):
 
 
 class Recorder(NamedTuple):
-    """A field among others: its pieces are kept, to be composited with theirs."""
+    """A field among others: its pieces are stored for joint compositing."""
 
     opaque: float
     is_lit: bool
@@ -109,7 +109,7 @@ class Recorder(NamedTuple):
 def _record(
     way: Recorder, light: Light, shine: tuple[float, float], length: float, depth: float
 ) -> None:
-    """Keep a piece of the step."""
+    """Store a piece of the step."""
     piece, half = way.piece[way.pieces[0]], 0.5 * length * way.per_length
     for channel in range(3):
         piece[channel] = shine[0] * light[channel] + shine[1] * light[3]
@@ -154,7 +154,7 @@ def _enter(
 
 @inner_kernel
 def _open(way: SeveralFields, k: int, like: Medium, result: Result) -> Result:
-    """Sample a field's next visible step: its pieces, if any, and where the one after it is."""
+    """Sample a field's next visible step: its pieces, if any, and the position of the next."""
     medium, known = loaded(way.fields.media[k], like), way.scratch
     ray, aims, step, here, front = loaded(known.march[k], MARCH)
     following, ahead, back, begin = step_after(ray, step, here, medium)
@@ -176,7 +176,7 @@ def _open(way: SeveralFields, k: int, like: Medium, result: Result) -> Result:
 
 @inner_step
 def _advance(known: Scratch, k: int) -> None:
-    """Go on to a field's next piece, or to its next visible step."""
+    """Advance to a field's next piece, or to its next visible step."""
     known.at[k] += 1
     if known.at[k] < known.pieces[k]:
         known.front[k] = known.piece[k, known.at[k], FRONT]
@@ -188,7 +188,7 @@ def _advance(known: Scratch, k: int) -> None:
 
 @inner_step
 def _nearest(known: Scratch) -> float:
-    """Least depth at which a field is visible next."""
+    """Least depth of all fields' next visible steps."""
     least = math.inf
     for front in known.front:
         least = min(least, front)

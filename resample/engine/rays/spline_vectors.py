@@ -135,7 +135,7 @@ def _ends_of(fours: _Fours, kind: Any, arguments: Sequence[Any]) -> Any:
 
 
 def _function(module: Any, kind: Any, body: Callable[..., Any]) -> Any:
-    """Function of a module for coefficients of one type; made at the first call of it."""
+    """Function of a module for coefficients of one type; made at its first call."""
     name = f"spline{body.__name__}_{kind}"
     if name in module.globals:
         return module.globals[name]

@@ -1,4 +1,4 @@
-"""The painting order of ellipsoids, and which of them each tile of the screen lists."""
+"""The painting order of ellipsoids, and the lists of the screen's tiles."""
 
 from typing import NamedTuple
 

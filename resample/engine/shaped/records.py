@@ -144,7 +144,7 @@ def _set_bounds(
     options: ShapedOptions,
     limit: float,
 ) -> None:
-    """Set the box around what the screen shows of an ellipsoid up to i² = `limit`."""
+    """Set the box around the visible part of an ellipsoid up to i² = `limit`."""
     fx, fy = view.focal[0], view.focal[1]
     cx, cy = view.principal[0], view.principal[1]
     x, y, z = center
@@ -184,7 +184,7 @@ def _set_affine(
     options: ShapedOptions,
     limit: float,
 ) -> bool:
-    """Set the ellipse of EWA splatting (Zwicker et al. 2001); whether there is one."""
+    """Set the ellipse of EWA splatting (Zwicker et al. 2001); return whether one exists."""
     x, y, z = center
     fx, fy = view.focal[0], view.focal[1]
     # The slopes at which the projection is linearized stay near the frame, as in training.
@@ -211,7 +211,7 @@ def _set_affine(
 
 @inner_kernel
 def _set_parallel(record: Floats, center: Vector, to_unit: Matrix, view: View) -> None:
-    """Set the form of an ellipsoid that parallel rays meet."""
+    """Set the form of an ellipsoid under parallel projection."""
     fx, fy = view.focal[0], view.focal[1]
     record[X] = fx * center[0] + view.principal[0]
     record[Y] = fy * center[1] + view.principal[1]
@@ -233,7 +233,7 @@ def _set_parallel(record: Floats, center: Vector, to_unit: Matrix, view: View) -
 def _set_central(
     record: Floats, center: Vector, to_unit: Matrix, view: View, options: ShapedOptions
 ) -> None:
-    """Set the form of an ellipsoid that rays from an eye meet."""
+    """Set the form of an ellipsoid under perspective projection."""
     x, y, z = center
     fx, fy = view.focal[0], view.focal[1]
     # The reference is where the center is seen, or the middle of the frame if it is not.
@@ -290,7 +290,7 @@ def _facing(center: Vector, away: float) -> Matrix:
 def _weight_of(
     weight: float, center: Vector, axes: Matrix, scale: Vector, view: View, options: ShapedOptions
 ) -> float:
-    """Weight of a Gaussian, less what its training took from it for the dilation."""
+    """Weight of a Gaussian, without its training's compensation for the dilation."""
     z = center[2]
     if not options.is_compensated or z <= 0.0:
         return weight
@@ -307,7 +307,7 @@ def _weight_of(
 
 @inner_step
 def _wider_by(z: float, view: View, options: ShapedOptions) -> float:
-    """Variance that a trained Gaussian is wider by, as it was seen wider by px²."""
+    """Variance to add to a trained Gaussian, as training dilated it by px²."""
     if options.is_affine or not options.dilation > 0.0:
         return 0.0
     per = max(z, view.near, 1e-9) / options.trained if view.perspective else 1.0 / options.trained
@@ -419,7 +419,7 @@ def _project_one(
     options: ShapedOptions,
     record: Floats,
 ) -> None:
-    """Project an ellipsoid; records with left > right are not seen.
+    """Project an ellipsoid; records with left > right are culled.
 
     `alike`: axes of all, if they are.
     """
@@ -500,7 +500,7 @@ def _packed(before: float, after: float) -> Single:
 
 @inner_step
 def span_of(record: Floats, axis: int) -> tuple[float, float]:
-    """Where the box of a record begins and ends along x (`axis` 0) or y (1), px."""
+    """Start and end of a record's box along x (`axis` 0) or y (1), px."""
     middle, bits = float(record[X + axis]), np.float32(record[BOX_X + axis]).view(np.uint32)
     before = np.uint32(bits & UPPER).view(np.float32)
     after = np.uint32(bits << np.uint32(16)).view(np.float32)

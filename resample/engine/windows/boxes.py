@@ -18,7 +18,7 @@ TRANSPARENT, CLAMP, WRAP, MIRROR = range(4)
 
 @inner_kernel
 def mapped(index: int, size: int, edge: int) -> int:
-    """Index of the sample that stands for an index beyond the grid's edges."""
+    """Index of the sample that continues the grid at an index beyond its edges."""
     if 0 <= index < size:
         return index
     if edge == CLAMP:
@@ -215,7 +215,7 @@ def weights(
 
 @inner_step
 def low_end(integral: Integral, middle: float, extent: float, size: int) -> float:
-    """Low end of a side on a grid with `size` samples, as tables have it; its window is kept on it.
+    """Low end of a side on a grid of `size` samples, in table units; its window stays on it.
 
     Constants come first, as min and max with NaN return their first argument.
     """

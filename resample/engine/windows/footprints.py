@@ -1,4 +1,4 @@
-"""Footprints of pixels in a grid, and the boxes that stand for them.
+"""Footprints of pixels in a grid, and the boxes that approximate them.
 
 A pixel covers about a parallelogram of the grid. A box with the same second moments has the same
 mean of smooth samples, up to fourth order; a pixel in which the grid varies too much for that
@@ -200,7 +200,7 @@ def nth_part(footprint: PixelFootprint, counts: tuple[int, int], n: int) -> Pixe
 
 @inner_kernel
 def shrunk(footprint: PixelFootprint, own: float) -> PixelFootprint:
-    """By how much a footprint is larger than a sample: their second moments' difference.
+    """Excess of a footprint over a sample: their second moments' difference.
 
     A sample is already a mean over its own extent, which interpolation may widen, so only what a
     pixel covers beyond that is to be averaged: nothing where samples keep their size or grow.
@@ -285,7 +285,7 @@ def measure_rows(
     geometry: PixelGeometry, view: GridView, rows: tuple[int, int], first: int, count: int,
     is_apart: bool, pixels: RowScratch,
 ) -> None:  # fmt: skip
-    """Measure the pixels of rows from a column on, and find the boxes that stand for them.
+    """Measure the pixels of rows from a column on, and find the boxes that approximate them.
 
     `rows`: first row, and last + 1; at most `ROWS`. `is_apart`: the tile has no limits in common;
     then there are none.
@@ -345,7 +345,7 @@ def _put_footprints(
 
 @inner_step
 def _part_in_two(pixels: RowScratch) -> None:
-    """Let two boxes carry the mixed moment by their distance; the rest stays in their sides."""
+    """Represent the mixed moment by two boxes' distance; the rest stays in their sides."""
     shape, whole = pixels.shape, pixels.whole
     for n in range(MOST):
         k = np.uint64(n)
@@ -365,7 +365,7 @@ def _put_sides(
     integral: Integral, which: tuple[int, int], extent: tuple[float, int, float],
     most: float, is_open: bool, pixels: RowScratch,
 ) -> None:  # fmt: skip
-    """Put windows along an axis; where they are large, or an edge crosses a pixel, has it no boxes.
+    """Put windows along an axis; pixels with large windows, or crossed by an edge, get no boxes.
 
     `which`: box, 0 or 1, and axis, 0 or `DOWN`. `extent`: first sample of the plate, its samples,
     and the source. `most`: half the extent of a pixel, at most. `is_open`: whether the
@@ -411,7 +411,7 @@ def _put_sides(
 
 @inner_step
 def boxes_of(pixels: RowScratch, n: int) -> int:
-    """How many boxes that read at most `FEW` samples along both axes stand for the nth pixel.
+    """Number of the nth pixel's boxes, which read at most `FEW` samples along both axes.
 
     0: it needs more.
     """

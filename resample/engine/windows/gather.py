@@ -228,7 +228,7 @@ def _straighten(
     marks: int,
     scratch: PixelScratch,
 ) -> None:
-    """Keep a pixel beside straight edges near the means across them alone.
+    """Keep a pixel beside straight edges near the means across these edges.
 
     Along an edge the samples themselves are interpolated: the grid's means over each of them.
     """
@@ -487,7 +487,7 @@ def measure_tiles(
     view: GridView,
     extent: Extent,
 ) -> None:
-    """Measure what tiles cover, by pixels `step` apart; for an application's parallel kernel.
+    """Measure tiles' footprints, by pixels `step` apart; for an application's parallel kernel.
 
     A tile with pixels that have no position counts as endless work, unless all its pixels are
     measured (`step` 1): then work is not computed.

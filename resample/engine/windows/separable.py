@@ -263,7 +263,7 @@ def _sum(
 def _sum_sections(
     total: Floats, to: int, source: Floats, places: tuple[int, int], taps: AxisTaps, pixel: int
 ) -> None:
-    """Sum the columns that a pixel reads, in sections, so that errors of rounding do not add up."""
+    """Sum the columns that a pixel reads, in sections, to limit rounding errors."""
     at, step = places
     first = pixel * taps.taps
     last, middle = first + taps.taps, min(first + SECTION, first + taps.taps)
@@ -361,7 +361,7 @@ def _weighed(flat: Floats, form: tuple[int, int, int], down: AxisTaps, across: A
 @inner_step
 def _straighten_pixel(grid: SeparableGrid, pixel: tuple[int, int], to: int, marks: int,
                       scratch: TileScratch) -> None:  # fmt: skip
-    """Keep a pixel (row, column) near what samples across straight edges make."""
+    """Keep a pixel (row, column) near the means across straight edges."""
     row, x = pixel
     across, down, plain, channels = (
         grid.limits_across, grid.limits_down, grid.limits.plain, grid.channels

@@ -1,4 +1,4 @@
-"""What files say of their colors, and colors of ICC profiles of a matrix and curves in sRGB.
+"""Color metadata of files, and conversion of matrix/TRC profiles to sRGB.
 
 In PNG, cICP comes before iCCP, and that before sRGB, and that before gAMA and cHRM (PNG, third
 edition, section 4.3).
@@ -42,7 +42,7 @@ Curve = Callable[[Any], Any]
 
 
 def is_encoded(path: Path, spec: Any) -> bool:
-    """Whether integers are encoded for displays; without a word 8 bits are, and 16 are light."""
+    """Whether integers are encoded for displays; by default 8 bits are, and 16 are light."""
     coded = spec.getattribute("CICP")
     if coded is not None or spec.getattribute("ICCProfile") is not None:
         return coded is None or int(coded[1]) != LINEAR
@@ -54,7 +54,7 @@ def is_encoded(path: Path, spec: Any) -> bool:
 
 
 def colors_of(path: Path, spec: Any) -> str:
-    """What a file says of its colors, in words; empty for sRGB and Rec. 709, or if nothing."""
+    """Description of a file's color metadata; empty for sRGB and Rec. 709, or if missing."""
     coded, profile = spec.getattribute("CICP"), spec.getattribute("ICCProfile")
     if coded is not None:
         return coded_colors(coded)
@@ -81,7 +81,7 @@ def coded_colors(numbers: Iterable[int]) -> str:
 
 
 def marks_of(path: Path) -> bytes:
-    """A PNG file's chunks that say what its colors are, besides the profile."""
+    """A PNG file's chunks about colors, besides the profile."""
     return b"".join(found for name, found in _chunks_of(path).items() if name in MARKS)
 
 
@@ -103,7 +103,7 @@ def oddities_of(spec: Any) -> Iterator[str]:
 
 
 def stretched(ratio: float) -> Iterator[str]:
-    """What to say of pixels by the ratio of their width and height; nothing if square."""
+    """Note on pixels, by the ratio of their width and height; empty if square."""
     if ratio > 0 and abs(ratio - 1.0) > SQUARE:
         yield f"pixels are {ratio:.4g} times as wide as high; they are taken for square"
 

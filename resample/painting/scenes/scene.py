@@ -253,7 +253,7 @@ class PreparedScene:
         return samples._replace(extinction=samples.extinction[inside], scale=scale, **parts), planes
 
     def tinted(self, color: Floats) -> Floats:
-        """Colors (N, 3) of splats: their own, or as bright in the one that tells them apart."""
+        """Colors (N, 3) of splats: their own, or equally bright in their tint."""
         tint = np.array(self.style.tint, np.float32)
         return color if tint[0] < 0 else color.max(axis=1, keepdims=True) * tint
 

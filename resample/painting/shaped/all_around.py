@@ -186,7 +186,7 @@ def _strip(
 
 
 def _lists(records: Floats, whole: "TileLists", strip: "PlacedTiles") -> "TileLists":
-    """List what each tile may show of each face: of blocks of tiles first, then of tiles."""
+    """List each tile's candidates per face: for blocks of tiles first, then for tiles."""
     # Bounds (T, faces, 4) of the sub-pixels of each tile on each face; least above most: none.
     boxes = np.empty((len(strip.at), len(FACES), 4))
     for number in range(len(FACES)):
@@ -209,7 +209,7 @@ def _lists(records: Floats, whole: "TileLists", strip: "PlacedTiles") -> "TileLi
 
 
 def _meeting(records: Floats, lists: "TileLists", of: Indices, boxes: Doubles) -> "TileLists":
-    """List which records of a list meet each box."""
+    """List the records of a list that meet each box."""
     from resample.engine.shaped.all_around import deal_to_boxes
     from resample.engine.shaped.lists import TileLists
 

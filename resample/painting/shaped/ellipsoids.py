@@ -114,7 +114,7 @@ class EllipsoidSource(Protocol):
         """As for all of them."""
 
     def load(self, part: int, view: View, /) -> Ellipsoids:
-        """One of them, in colors for a view."""
+        """One part, in colors for a view."""
 
 
 class InMemory(NamedTuple):
@@ -132,7 +132,7 @@ class InMemory(NamedTuple):
         return self.all.kernel
 
     def load(self, part: int, view: View, /) -> Ellipsoids:  # noqa: ARG002
-        """All of them."""
+        """All parts."""
         return self.all
 
 
@@ -275,7 +275,7 @@ class ShapedScene(NamedTuple):
         return ShapedScene(source, view, size, chosen)
 
     def measured(self, projected: Iterable[Floats]) -> "ShapedScene":
-        """Return the scene that knows how thin its ellipsoids are, by the records of all parts."""
+        """Return the scene with its ellipsoids' thickness, measured from all parts' records."""
         if self.style.subpixels is not None:
             return self
         from resample.engine.shaped.records import N_XX, N_XY, N_YY
@@ -311,7 +311,7 @@ class ShapedScene(NamedTuple):
         return SIDE // self.finest()
 
     def projected(self) -> Iterator[Floats]:
-        """Whole records that the picture shows, some at a time."""
+        """Whole records of visible ellipsoids, in batches."""
         from resample.engine.shaped.records import WHOLE, ShapedArrays, project_shapes
 
         for part in range(len(self.source.sizes())):
@@ -395,7 +395,7 @@ class ShapedScene(NamedTuple):
         )
 
     def opacity(self) -> "Opacity":
-        """How distances become opacities."""
+        """Conversion of distances to opacities."""
         from resample.engine.shaped.painting import CutOpacity, DepthOpacity, PeakOpacity
 
         kernel = self.source.kernel()
@@ -445,7 +445,7 @@ class HeldRecords:
 
     @property
     def records(self) -> Floats:
-        """Those that were added."""
+        """Added records."""
         return self._records[: self.count]
 
     def add(self, whole: Floats) -> None:
@@ -462,7 +462,7 @@ class HeldRecords:
         self.count = rows.stop
 
     def front_to_back(self) -> NDArray[np.uint32]:
-        """Return the numbers of the records, nearest first; to be called once.
+        """Return the numbers of the records, nearest first; call it once.
 
         Equal keys are ordered by the records' contents, whatever order they came in.
         """

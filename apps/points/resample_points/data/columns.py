@@ -106,7 +106,7 @@ def colored(
 
 
 def _share(value: Doubles, span: Range) -> Doubles:
-    """Return where values lie in a span, from 0 to 1; 0.5 in an empty one."""
+    """Return positions of values in a span, from 0 to 1; 0.5 in an empty one."""
     low, high = span
     if not low < high:
         return np.full_like(value, 0.5)
@@ -216,7 +216,7 @@ class Wanted(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The condition as it is given."""
+        """The condition as text."""
         spans = (f"{a:g}" if a == b else f"{a:g}:{b:g}" for a, b in self.ranges)
         return f"{self.column}={','.join(spans).replace('-inf', '').replace('inf', '')}"
 

@@ -65,7 +65,7 @@ class Training(NamedTuple):
 def training_of(
     position: Floats, scale: Floats, opacity: Floats, shots: "Sequence[PosedPicture]" = ()
 ) -> Training | None:
-    """Return how training saw Gaussians; None if nothing can be said. Their order has no effect.
+    """Return the training's view of Gaussians; None if unknown. Their order has no effect.
 
     `shots`: pictures of training. Without any, the size of a pixel is estimated: few opaque
     Gaussians that appear smaller than 0.062 px, seen along their shortest axis, survive training.
@@ -365,7 +365,7 @@ def placed_gaussians(gaussians: Gaussians, pose: ArrayLike) -> Gaussians:
 
 
 def with_up(gaussians: Gaussians, up: str) -> Gaussians:
-    """Return a scene turned so that another axis is up; one that says nothing has y down."""
+    """Return a scene rotated so that another axis is up; by default y is down."""
     have, wanted = (
         np.array(AXES_UP[name[-1]]) * (-1 if name[0] == "-" else 1)
         for name in (gaussians.up or DOWN, up)

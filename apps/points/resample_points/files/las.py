@@ -92,7 +92,7 @@ def records_of(path: Path, owner: str) -> dict[int, bytes]:
 
 @contextmanager
 def _opened(path: Path, **options: Any) -> Iterator[tuple[Any, BinaryIO, Any]]:
-    """Open a file; give laspy, the file and its header. laspy logs nothing: its errors are raised.
+    """Open a file; return laspy, the file and its header. laspy's errors are raised, not logged.
 
     A header with more records than the file holds is rejected, as laspy would read them all.
     """
@@ -157,7 +157,7 @@ def _coarse(entries: NDArray[Any], level: int) -> NDArray[Any]:
 
 
 def _hint(entries: NDArray[Any] | None, level: int) -> str:
-    """Return the hint which level of a file fits into memory."""
+    """Return a hint for a level of a file that fits into memory."""
     left = memory_left()
     if entries is None or left is None:
         return ""
@@ -254,7 +254,7 @@ def _unpacked(
 
 
 def _fields(header: Any, record: Any) -> tuple[Fields, Fields]:
-    """Return red, green and blue if there are, and all other columns; no withheld points."""
+    """Return red, green and blue, if any, and all other columns, without withheld points."""
     kept = ~np.asarray(record["withheld"], np.bool_)
     known = tuple(record.point_format.dimension_names)
     columns = {name: np.asarray(record[name])[kept] for name in known if name not in LEFT_OUT}
@@ -288,7 +288,7 @@ class CoordinateSystem(NamedTuple):
 
 
 def coordinate_system_of(path: Path) -> CoordinateSystem | None:
-    """Read the coordinate system of a LAS or LAZ file; None if it says nothing."""
+    """Read the coordinate system of a LAS or LAZ file; None if not stated."""
     held = records_of(path, OWNER)
     if WKT in held:
         return _of_wkt(held[WKT].decode("utf-8", "replace").strip("\0 "))
@@ -341,6 +341,6 @@ def _code_of(text: str, begin: int) -> int | None:
 
 
 def _keys(entries: list[list[int]]) -> Tag:
-    """Return GeoTIFF's directory of keys, with the one that says that values are of areas."""
+    """Return GeoTIFF's directory of keys, with the key for pixels as areas."""
     whole = sorted([*entries, [RASTER, 0, 1, IS_AREA]])
     return Tag(SHORT, np.array([[1, 1, 0, len(whole)], *whole], np.uint16).ravel())

@@ -76,7 +76,7 @@ def _records(file: BinaryIO, count: int, kind: np.dtype[Any]) -> Iterator[NDArra
 
 
 def _white_in(file: BinaryIO, count: int, kind: np.dtype[Any]) -> float | None:
-    """Return the level of white in all records, which are then to be read anew; None: known."""
+    """Return the level of white in all records, for a second pass; None: known."""
     names = next((group for group in COLORS if set(group) <= set(kind.names or ())), ())
     if not names or all(kind[name] == np.uint8 for name in names) or not count:
         return None

@@ -52,7 +52,7 @@ class MeasuredDiscs(NamedTuple):
 
 
 class Lying(NamedTuple):
-    """How the neighbours of N points lie."""
+    """Arrangement of the neighbours of N points."""
 
     along: Floats  # (N, 3) direction of the line; 0 where there is none
     is_line: Flags  # (N,)
@@ -156,7 +156,7 @@ def _widen(
     along: Floats,
     is_known: bool,
 ) -> None:
-    """Give points the normal and the extent across their line of points of a thinned cloud."""
+    """Copy normals and extents across the line from points of a thinned cloud."""
     these, those = both
     normal = whole.normal[these] if is_known else thin.normal[those]
     line = along[these]
@@ -183,7 +183,7 @@ def _dot(one: Floats, two: Floats) -> Floats:
 
 
 def shape_of(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> Lying:
-    """Return how the neighbours of some points lie, from the variances along three axes."""
+    """Return the arrangement of some points' neighbours, from variances along three axes."""
     # Sum the offsets of neighbours, and their products; subtract the means.
     here, count = points.position[rows], points.nearest.shape[1]
     sums = [np.zeros(len(here)) for _ in range(9)]
@@ -237,7 +237,7 @@ def scanned(
     measure: Callable[[Floats, Floats], MeasuredDiscs],
     is_known: bool,
 ) -> bool:
-    """Fill in normals and discs of a scan; whether it is one, else nothing is changed.
+    """Fill in normals and discs of a scan; return False, unchanged, if it is not a scan.
 
     `whole`: all points; with `is_known` they keep their normals. `scanner`: (3,) its place, beside
     the points' positions. `measure`: finds cells among directions (N, 3) on given tangent planes.
@@ -336,7 +336,7 @@ def _planes(toward: Floats, away: Doubles) -> Doubles:
 
 
 def _off(plane: Doubles, toward: Floats, away: Doubles) -> Doubles:
-    """Return how far (N, k) points are from planes along their rays; inf where rays miss them."""
+    """Return distances (N, k) of points to planes along their rays; inf where rays miss."""
     inverse = _product(plane, toward)
     with np.errstate(divide="ignore"):
         off: Doubles = np.where(inverse > 0, np.abs(1 / inverse - away), np.inf)

@@ -249,7 +249,7 @@ def _measured_places(
 
 
 def _shrink_strays(found: MeasuredDiscs, largest: float) -> None:
-    """Make discs of points that lie on no surface half as large as most, if they are much larger.
+    """Shrink much larger discs of points on no surface to half the usual size.
 
     Strays in empty space have strays around them, so their neighbours do not limit their discs.
     Some have neighbours that lie flat by chance; their sizes are limited by the others' new sizes.
@@ -336,7 +336,7 @@ def folder() -> Path:
 def _measured_once(
     position: Floats, normal: Floats, axes: Floats, largest: float | None, zero: Doubles
 ) -> None:
-    """Do as `_measured` does, or read normals and discs from the cache; cache them."""
+    """Return `_measured`, or its result from the cache; cache new results."""
     if len(position) < LEAST_POINTS:
         _measured(position, normal, axes, largest, zero)
         return

@@ -217,7 +217,7 @@ def _turned_flattest(m: Matrix) -> Vector:
 
 @kernel
 def _least(m: Matrix, trace: float) -> float:
-    """Least eigenvalue of a positive semidefinite matrix; NaN if another is as near.
+    """Least eigenvalue of a positive semidefinite matrix; NaN if it is not unique.
 
     Newton's method does not overshoot the first zero of the characteristic polynomial.
     """

@@ -1,4 +1,4 @@
-"""Nearest neighbours of points along a Morton curve, block by block, and the discs that they give.
+"""Nearest neighbours of points along a Morton curve, block by block, and discs from them.
 
 Sixteen consecutive points are a block, eight blocks one of the next size, and so on up to one that
 holds all. Eight blocks share a list of the points around them, within the distance at which the

@@ -76,7 +76,7 @@ CloudView = Camera | Orthographic | Equirectangular | ProjectedCamera
 
 
 class PinholePart(NamedTuple):
-    """What a pinhole shows of bent discs: some columns of a picture."""
+    """Part of a picture that a pinhole shows of bent discs: some columns."""
 
     camera: Camera  # pinhole; with an identity pose where discs are bent
     left: int  # px

@@ -53,7 +53,7 @@ TRIMMED = 0.02  # share of these along each axis that may lie beside the frame, 
 
 
 class GaussianAppearance(StrEnum):
-    """How Gaussians appear."""
+    """Appearance of Gaussians."""
 
     TRAINED = "trained"  # as wide as training has seen them, exact on every ray
     BARE = "bare"  # as they are in the file
@@ -126,7 +126,7 @@ class GaussianStyle:
     def shaped(
         self, camera: CloudView, training: Training | None, *, is_antialiased: bool, is_wide: bool
     ) -> ShapedStyle:
-        """Return the style that ellipsoids are painted with, for a picture of a camera."""
+        """Return the style for painting ellipsoids, for a camera's picture."""
         is_bare = self.appearance == GaussianAppearance.BARE
         usual = ShapedOrder.DISTANCE if is_wide else ShapedOrder.DEPTH
         near, trained, least = self.near, self.trained_focal, 0.0
@@ -162,7 +162,7 @@ class GaussianParts(NamedTuple):
         return [min(PART, count - first) for first in range(0, count, PART)]
 
     def load(self, part: int, view: View, /) -> Ellipsoids:
-        """Some Gaussians with the colors that they have toward the eye."""
+        """Some Gaussians with their colors toward the eye."""
         return self.load_rows(slice(part * PART, (part + 1) * PART), view)
 
     def load_rows(self, rows: slice, view: View) -> Ellipsoids:
@@ -187,7 +187,7 @@ class StoredGaussians:
 
     @cached_property
     def training(self) -> Training | None:
-        """How training saw the scene, as `read_gaussians` tells it."""
+        """The training's view of the scene, as from `read_gaussians`."""
         from resample_points.files.gaussians.formats import shots_beside
 
         rows = (self._drawable(part) for part in range(len(self.sizes())))
@@ -364,7 +364,7 @@ def developed(picture: ShapedPicture, background: Sequence[float] | None) -> Fra
 
 
 def shown_part(gaussians: Gaussians | StoredGaussians) -> Cloud:
-    """Return the centers that cameras are framed around: opaque ones, without outliers."""
+    """Return the centers that cameras frame: opaque ones, without outliers."""
     if isinstance(gaussians, Gaussians):
         some = slice(None, None, max(1, len(gaussians.opacity) // FRAMED))
         place, opacity = gaussians.position[some], gaussians.opacity[some]

@@ -1,4 +1,4 @@
-"""Rasters of clouds seen from above, as maps have them: a value per square cell."""
+"""Rasters of clouds seen from above, as in maps: a value per square cell."""
 
 import math
 from collections.abc import Iterator

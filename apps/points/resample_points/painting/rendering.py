@@ -416,7 +416,7 @@ def index_cloud(
     style: CloudStyle | None = None,
     threads: int | None = None,
 ) -> Numbers:
-    """Return which point of a cloud each pixel shows.
+    """Return the index of the point that each pixel shows.
 
     The point is visible, and its center is nearest to the nearest surface in the pixel.
 

@@ -82,7 +82,7 @@ class CloudInFiles(NamedTuple):
     touched: Indices = np.zeros((0, 2), np.int64)  # (parts, 2) first and last tile of each
 
     def survey(self, part: slice) -> tuple[Indices, tuple[int, int]]:
-        """Return how many discs of a part each tile has; and the first and last that has any."""
+        """Return the number of a part's discs in each tile, and its first and last tile."""
         from resample.engine.tiles import CHUNKS, count_members
 
         begin, canvas = perf_counter(), self.canvas
@@ -150,7 +150,7 @@ def paint_discs(
     seconds: dict[str, float],
     span: tuple[int, int] = (0, -1),
 ) -> NDArray[np.bool_]:
-    """Paint projected discs on a span of tiles, or on all; return which of them are shown."""
+    """Paint projected discs on a span of tiles, or on all; return flags of visible discs."""
     from resample_points.kernels.discs import Discs, paint
 
     begin = perf_counter()

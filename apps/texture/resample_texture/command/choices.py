@@ -86,7 +86,7 @@ def rectified(
 
 
 class TargetChoices(Choices):
-    """Options that say where a picture goes."""
+    """Options of a warp's target."""
 
     heading: ClassVar[str] = "Target"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
@@ -212,7 +212,7 @@ class WarpGeometry(TargetChoices):
 
 
 class PictureFiltering(Choices):
-    """How texels become pixels."""
+    """Conversion of texels to pixels."""
 
     heading: ClassVar[str] = "Method"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
@@ -248,7 +248,7 @@ class PictureFiltering(Choices):
 
     @property
     def sampling(self) -> dict[str, Any]:
-        """Options of the method, by the names that it has for them."""
+        """Options of the method, by its own names."""
         return self.model_dump(include={"filter", "interpolation", "quality"})
 
     def check(self) -> None:
@@ -265,7 +265,7 @@ class PictureFiltering(Choices):
 
 
 class PictureWarping(PictureFiltering):
-    """How a picture is warped."""
+    """Options of a warp."""
 
     edge: Edge = "transparent"
     total: Annotated[
@@ -372,7 +372,7 @@ class NewSize(TargetChoices):
         return None if self.box is None else numbers_in("box", self.box)
 
     def opened(self, warping: Filling) -> Filling:
-        """Return options with which padding shows nothing, unless an edge mode was given."""
+        """Return options that leave padding empty, unless an edge mode was given."""
         is_open = self.fit == "pad" and "edge" not in warping.model_fields_set
         return warping.model_copy(update={"edge": "transparent"}) if is_open else warping
 

@@ -1,4 +1,4 @@
-"""Warping methods: points, splats, the hybrid, and texels as they are (group `methods`)."""
+"""Warping methods: points, splats, the hybrid, and nearest texels (group `methods`)."""
 
 import math
 from dataclasses import dataclass
@@ -194,7 +194,7 @@ class Hybrid:
         return _clamped(warped, source) if self.clamp else warped
 
     def planned(self, source_shape: Size, geometry: Geometry, shape: Size, edge: Edge) -> Method:
-        """Return a method for sources (height, width) and one target, with its plan made now.
+        """Return a method for sources (height, width) and one target, with its plan.
 
         Raises
         ------
@@ -219,7 +219,7 @@ class Hybrid:
 
     @property
     def cells(self) -> "CellGrid":
-        """How texels are split into cells, and how cells are spread over pixels."""
+        """Splitting of texels into cells, and spreading of cells over pixels."""
         from resample_texture.texels.forward import CellGrid
 
         quality = self.quality
@@ -259,7 +259,7 @@ class _Partly:
 
 @dataclass(frozen=True)
 class _Planned:
-    """A hybrid with a plan made before."""
+    """A hybrid with a precomputed plan."""
 
     method: Hybrid
     plan: "GatherPlan"
@@ -456,7 +456,7 @@ def _check_clamp(clamp: bool, total: bool) -> None:
 
 
 def _build(method: Any, name: str, group: str) -> None:
-    """Turn the name of a plugin that a method was given into the plugin's object."""
+    """Turn a method's plugin name into the plugin's object."""
     object.__setattr__(method, name, plugin_of(group, getattr(method, name), name))
 
 

@@ -86,7 +86,7 @@ def missing_in(
 
 
 def weighed(texels: Floats, missing: Booleans | None, least: int = 1) -> tuple[Floats, int]:
-    """Append channels that mark where texels (H, W, C) have values, one if all are alike."""
+    """Append channels that mark where texels (H, W, C) have values; one if all are equal."""
     if missing is None:
         return texels, 0
     is_one = least <= 1 and bool((missing == missing[..., :1]).all())
@@ -120,7 +120,7 @@ def kept(warped: Warped, gaps: int) -> Mended:
 
 
 def _bounded(warped: Warped, gaps: int) -> tuple[Floats, Floats]:
-    """Return values and their weights, limited to 0..coverage, which negative lobes leave."""
+    """Return values and their weights, clamped to 0..coverage against negative lobes."""
     values, there = warped.image[..., :-gaps], warped.image[..., -gaps:]
     coverage = warped.coverage[..., None]
     is_all = np.abs(there - coverage) <= ROUNDED * coverage
@@ -422,7 +422,7 @@ def light_for(
 
 
 def in_levels(method: Method) -> Method:
-    """The method as it interpolates levels: a `limit=usual` of its interpolation is `levels`."""
+    """The method for levels: a `limit=usual` of its interpolation becomes `levels`."""
     given: Any = method
     has_own = hasattr(given, "in_levels")
     try:
@@ -481,7 +481,7 @@ def share_of_levels(
 
 
 def _projected_shares(method: Method, geometry: ForwardMap, shape: Size) -> Floats:
-    """Share of levels in pixels (height, width) along a forward map: texels bring their own."""
+    """Share of levels in pixels (height, width) along a forward map, from the texels' shares."""
     along_x, along_y = (
         np.gradient(part) if min(part.shape) > 1 else np.zeros((2, *part.shape))
         for part in (geometry.x, geometry.y)
@@ -505,7 +505,7 @@ def _projected_shares(method: Method, geometry: ForwardMap, shape: Size) -> Floa
 
 
 def spared(share: Floats, levels: Floats, geometry: Geometry, shape: Size) -> Floats:
-    """`share_of_levels` that is 1, too, where light would hardly differ from levels (H, W, C)."""
+    """`share_of_levels`, raised to 1 where light hardly differs from levels (H, W, C)."""
     from resample_texture.texels.gather import places_of
     from resample_texture.texels.kernels.gather import (
         Differences,

@@ -223,7 +223,7 @@ def mixed_tiles(
     source_shape: tuple[int, int, int], geometry: Homography, shape: Size, edge: Edge,
     cells: forward.CellGrid,
 ) -> MixedTiles | None:  # fmt: skip
-    """Split tiles into near and far ones, for a source read in parts; None if that cannot be."""
+    """Split tiles into near and far ones, for a source read in parts; None if impossible."""
     plan = planned(source_shape[:2], geometry, shape, edge, cells)
     if plan.axes is not None and plan.axes.is_long:
         nowhere = np.zeros(len(plan.tiles.bounds), np.bool_)
@@ -303,7 +303,7 @@ def _sides(low: Doubles, high: Doubles, reach: int) -> forward.Sides:
 
 
 def _view(form: tuple[int, ...], edge: Edge, cells: forward.CellGrid) -> GridView:
-    """Return how pixels gather from a source (H, W, C), still without its texels."""
+    """Return a view for gathering from a source (H, W, C), still without its texels."""
     height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
     finest = float(1.5 / cells.quality)

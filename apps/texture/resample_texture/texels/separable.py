@@ -60,7 +60,7 @@ class Weights(NamedTuple):
     prefilter: Floats  # of the texels, along this axis
 
     def ends(self, other: "Weights | None" = None) -> tuple[int, int]:
-        """First texel that is read, also by others, and last + 1."""
+        """First texel that is read, also by other pixels, and last + 1."""
         first, last = int(self.first.min()), int(self.first.max()) + self.table.shape[1]
         if other is None:
             return first, last

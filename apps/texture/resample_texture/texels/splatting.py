@@ -37,7 +37,7 @@ LEAST, MOST = 0.01, 16.0  # texels and px, of a deviation
 
 @dataclass(frozen=True)
 class Splatting:
-    """How wide splats are and which texels are splats."""
+    """Width of splats, and threshold for splats."""
 
     sigma: float = 0.5  # standard deviation of a splat, texels
     filter_sigma: float = 0.5  # and of the pixel filter that splats are spread by, px
@@ -58,11 +58,11 @@ class Splatting:
 
     @property
     def radius(self) -> float:
-        """How far a splat reaches in the source, texels."""
+        """Radius of a splat in the source, texels."""
         return math.sqrt(RIM) * self.sigma
 
     def shape(self, matrix: Doubles) -> Shape:
-        """All of it as numbers, for a matrix (3, 3) from source to target."""
+        """The options as numbers, for a matrix (3, 3) from source to target."""
         taps = max(1, math.ceil(2.0 * self.filter_of_points.radius))
         # Numbers may be given as integers.
         widths = float(self.sigma**2), float(self.filter_sigma**2), float(self.threshold)

@@ -139,7 +139,7 @@ def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -
 
 @dataclass(frozen=True)
 class FrameOptions:
-    """How frames are painted, and their background."""
+    """Options and background of frames."""
 
     resampler: Resampler = BY_DEFAULT
     size: tuple[int, int] = (400, 400)  # height and width, px

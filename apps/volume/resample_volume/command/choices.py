@@ -38,7 +38,7 @@ optional, off, several = (partial(described, default) for default in (None, Fals
 
 
 class ReadOptions(Choices):
-    """How the input is read, where the file alone does not tell."""
+    """Options for reading the input, where the file does not state them."""
 
     heading: ClassVar[str] = "Input"
     about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
@@ -231,7 +231,7 @@ class AppearanceChoices(Choices):
         return resampler
 
     def appearance(self, volume: "Volume", resampler: "Resampler | None" = None) -> "Appearance":
-        """Return the look of the voxels for a renderer; None: one that composites."""
+        """Return the look of the voxels for a renderer; None: a compositing one."""
         from resample.painting.choices import MEASURING, Projection
         from resample_volume.appearance import (
             MU_WATER,
@@ -398,7 +398,7 @@ class PictureExtras(FilmExtras):
     )
 
     def fit(self, look: AppearanceChoices) -> "Fitted":
-        """Return what the camera is fitted to."""
+        """Return the object that the camera frames."""
         if self.zoom_in:
             return "picture"
         is_free = look.camera == FROM_ABOVE and look.fit == "visible"

@@ -82,7 +82,7 @@ def opened_of_several(
 def of_first_channel(
     source: ReadOptions, read: Callable[[ReadOptions], Found]
 ) -> tuple[Found, ReadOptions]:
-    """Read what shows one volume; of several channels the first, with a message."""
+    """Read a single volume; of several channels the first, with a message."""
     try:
         return read(source), source
     except recordings.SeveralChannelsError:
@@ -173,7 +173,7 @@ def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
 
 
 def held(source: ReadOptions, name: str, *, streamed: bool = False) -> Recording:
-    """Open all times and channels of a name; of a chunked file unread, where `streamed`."""
+    """Open all times and channels of a name; chunked files stay unread if `streamed`."""
     place, reader = _named(source, name)
     if streamed and (found := open_streamed(place, reader)) is not None:
         return changed(source, found)

@@ -54,7 +54,7 @@ class SeveralChannelsError(ValueError):
 
 
 def how(what: str, count: int) -> str:
-    """Return the hint how to choose one of several.
+    """Return a hint how to choose one of several.
 
     >>> how("time", 3)
     'choose one by time, 0 to 2 (--time 0; in Python open_volume(..., time=0))'

@@ -105,7 +105,7 @@ class StatisticsCache(Protocol):
     """Stores statistics of values for later commands."""
 
     def load(self, bricks: "Bricks") -> scanning.BrickStats | None:
-        """Return the stored statistics; None if there are none that are valid."""
+        """Return the stored statistics; None if missing or invalid."""
 
     def state(self) -> str | None:
         """Return the state of the file, to notice changes; None if they may go unnoticed."""
@@ -157,7 +157,7 @@ class Bricks(BrickArray):
         return copy
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process needs; of the statistics only the ends of bricks."""
+        """Return the state that another process needs; of the statistics only the bricks' ends."""
         known = {"ends": self.ends} if {"ends", "statistics"} & self.__dict__.keys() else {}
         state = super().__getstate__() | known | {"helpers": None}
         return {name: part for name, part in state.items() if name != "statistics"}
@@ -191,7 +191,7 @@ class Bricks(BrickArray):
         return kept is not None
 
     def range(self) -> tuple[float, float]:
-        """Return the least and greatest finite value; infinite where there is none."""
+        """Return the least and greatest finite value; infinite if none is finite."""
         least, greatest = self.ends
         return float(least.min()), float(greatest.max())
 
@@ -319,7 +319,7 @@ def is_streamed(volume: Volume) -> bool:
 
 
 def as_arrays(volumes: Sequence[Volume]) -> list[Volume]:
-    """Do `as_array` for the volumes of a scene; they share the memory limit by size."""
+    """Apply `as_array` to the volumes of a scene; they share the memory limit by size."""
     sizes = [values_of(volume.values).bytes_to_load for volume in volumes]
     found = []
     for volume, size in zip(volumes, sizes, strict=True):

@@ -268,7 +268,7 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
 def _on_lattice(
     volume: Volume, sharpness: float, thin: Thin, two: Doubles, *, is_within: bool
 ) -> tuple[types.SplineField, types.Bounds, Flags]:
-    """Return the field of values, its bounds, and which are known, if not all."""
+    """Return the field of values, its bounds, and flags of known values unless all are."""
     # Surfaces of samples with colors lie where the color changes, not where the field does.
     values, is_cut = volume.values, two.size == 2 and volume.colors is None
     is_cut = is_cut and thin.parts == 1 and sharpness == 1
@@ -305,7 +305,7 @@ def _levels(values: NDArray[np.generic], is_least: bool) -> types.BlockLevels:
 
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:
-    """Fill missing values with the nearest known; also return which are known, if not all."""
+    """Fill missing values with the nearest known; return flags of known ones unless all are."""
     from resample_volume.kernels.voxels import nearest_in_columns, nearest_in_rows
 
     if values.dtype.kind != "f":
@@ -384,7 +384,7 @@ def _max_gradient_of(
 def _visible_places(
     transfer: Transfer, data_range: tuple[float, float], resampler: Resampler, value: NDArray[Any],
 ) -> NDArray[np.int64]:  # fmt: skip
-    """Return which of values (N,) are visible."""
+    """Return flags of visible values (N,)."""
     if resampler.iso is not None:
         return np.flatnonzero(value >= resampler.iso)
     if resampler.projection in MEASURING and resampler.projection not in MAXIMA:

@@ -102,7 +102,7 @@ def along(position: Floats, axis: Floats | Doubles) -> Floats | Doubles:
 
 
 def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far: float) -> Samples:
-    """Fade shaded samples linearly with depth: by none at `near`, by the share at `far`."""
+    """Fade shaded samples linearly with depth: not at `near`, by the share at `far`."""
     view = camera.view()
     forward, ahead = view.rotation[2].astype(np.float32), np.float32(view.translation[2] - near)
     depth = (along(samples.position, forward) + ahead) / np.float32(far - near)
@@ -170,7 +170,7 @@ def _vector(name: str, vector: Sequence[float] | Doubles, *, is_unit: bool = Fal
 
 
 def tint_of(volume: Volume, looks: TransferTable, labels: "Labels | None") -> Tint:
-    """Return the colors of a volume that has some; for labels, the colors of their rules.
+    """Return a volume's own colors; for labels, the colors of their rules.
 
     Colors are interpolated, so invisible voxels take the mean color of visible ones around them.
     """

@@ -86,7 +86,7 @@ SAME = Thin(0, 1)
 
 
 def thin_of(volume: Volume) -> Thin:
-    """Return how slices are made thin; `SAME` if they are near, many, colored or in a file."""
+    """Return the method for thin slices; `SAME` if they are near, many, colored or in a file."""
     spacing = np.abs(np.asarray(volume.spacing, np.float64))[::-1]
     axis = int(spacing.argmax())
     within = [n for n in range(3) if n != axis]
@@ -101,7 +101,7 @@ def thin_of(volume: Volume) -> Thin:
 
 
 def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Thin:
-    """Return how slices are made thin, if they fit in memory and rays do not average."""
+    """Return the method for thin slices, if they fit in memory and rays do not average."""
     is_mean = projection in MEASURING and projection not in EXTREMES
     thin = SAME if is_mean or stays else thin_of(volume)
     for one in dict.fromkeys((thin, SAME)):
@@ -144,7 +144,7 @@ def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> 
 
 
 def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Floats, float]:
-    """Compute samples of thin slices minus the least value, and that; clamped if `is_within`."""
+    """Compute samples of thin slices minus the least value, and it; clamped if `is_within`."""
     from scipy.ndimage import spline_filter1d
 
     shape = list(values.shape)

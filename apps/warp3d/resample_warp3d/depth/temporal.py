@@ -107,7 +107,7 @@ def thumbnail(color: Floats, raw: Raw) -> Thumbnail:
 
 
 def is_cut(first: Floats, second: Floats) -> bool:
-    """Whether two successive pictures belong to two shots: both colors and structure are others.
+    """Whether two successive pictures belong to two shots: both colors and structure differ.
 
     A flash changes colors and a fast pan the structure, neither both.
 

@@ -53,7 +53,7 @@ def filtered(
 
 
 def check_method(method: Method) -> None:
-    """Refuse methods that no filter can be applied to."""
+    """Reject methods that do not support filters."""
     if getattr(method, "is_per_pixel", False):
         name = type(method).__name__
         raise ValueError(f"{name} copies samples to whole pixels; leave out the pixel filter")
@@ -64,7 +64,7 @@ def check_method(method: Method) -> None:
 def _painted(
     method: Method, parts: Subpixels, source: Source, equation: Way, shape: tuple[int, int]
 ) -> Shown:
-    """What a method paints on sub-pixels, filtered, strip by strip."""
+    """A method's picture on sub-pixels, filtered, strip by strip."""
     from resample.engine.surfaces import resolve_rows
 
     paint: WayMethod = method.layers if isinstance(method, Hybrid) else method
@@ -119,7 +119,7 @@ def _closed(shown: Shown, parts: Subpixels) -> Shown:
 
 
 def _concluded(shown: Shown, parts: Subpixels, *, is_whole: bool) -> Rendered:
-    """Picture with coverage within 0..1, and with a nearness wherever something is.
+    """Picture with coverage within 0..1, and with a nearness in all covered pixels.
 
     Filters with negative weights overshoot at edges: light goes with the coverage, so that uniform
     color stays uniform. With `is_whole` pixels are covered wholly wherever they are at all.
@@ -140,7 +140,7 @@ def _concluded(shown: Shown, parts: Subpixels, *, is_whole: bool) -> Rendered:
 
 
 def _nearest(squares: Rendered, is_seen: "NDArray[np.bool_]", margin: int) -> tuple[Floats, Floats]:
-    """Nearness and magnification of all pixels that are seen.
+    """Nearness and magnification of all visible pixels.
 
     For pixels with empty squares, the nearest pixel's that the filter reads.
     """
@@ -162,7 +162,7 @@ def _nearest(squares: Rendered, is_seen: "NDArray[np.bool_]", margin: int) -> tu
 def _inner(
     margin: int, shape: tuple[int, ...], down: int = 0, right: int = 0
 ) -> tuple[slice, slice]:
-    """Where a picture, moved by some pixels, lies in its surroundings."""
+    """Slices of a picture, moved by some pixels, in its surroundings."""
     top, left = margin + down, margin + right
     return slice(top, top + shape[0]), slice(left, left + shape[1])
 

@@ -162,7 +162,7 @@ def _painted(
 
 
 def _labels(links: Links) -> NDArray[np.int32]:
-    """Number (N,) of the surface that each sample is on: what links lead to."""
+    """Number (N,) of each sample's surface, connected by links."""
     height, width = links.shape
     index = np.arange(height * width, dtype=np.int32).reshape(height, width)
     right, down = links[:, :-1] & RIGHT > 0, links[:-1] & DOWN > 0

@@ -193,7 +193,7 @@ class DepthPainter:
         write_film(path, shots(way, camera, film.frame, film.job), RATE, progress=progress)
 
     def taken(self, settings: Settings) -> Inputs:
-        """Return the files, read and prepared; raises as `save` does."""
+        """Return the files, read and prepared; errors as in `save`."""
         return self._sources(_checked(settings))[0]
 
     def _rendered(self, settings: Settings, size: Size) -> _Rendering:

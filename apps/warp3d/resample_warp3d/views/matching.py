@@ -68,7 +68,7 @@ class Match(NamedTuple):
 
 
 def check_colors(colors: str) -> None:
-    """Refuse an unknown way to match colors."""
+    """Reject an unknown way to match colors."""
     if colors not in COLORS:
         raise ValueError(f"unknown way to match colors {colors!r}; known: {', '.join(COLORS)}")
 
@@ -175,7 +175,7 @@ def _of_channel(
 
 
 def check_depths(depths: str) -> None:
-    """Refuse an unknown way to match depths."""
+    """Reject an unknown way to match depths."""
     if depths not in DEPTHS:
         raise ValueError(f"unknown way to match depths {depths!r}; known: {', '.join(DEPTHS)}")
 

@@ -31,7 +31,7 @@ SOLID = 0.5  # least coverage of a view's surface that hides others
 
 
 def check_blend(blend: Blend) -> None:
-    """Refuse an unknown blend."""
+    """Reject an unknown blend."""
     if blend not in BLENDS:
         raise ValueError(f"unknown blend {blend!r}; known: {', '.join(BLENDS)}")
 

@@ -1,4 +1,4 @@
-"""What several formats of Gaussians share: quaternions, logarithms, logits, harmonics."""
+"""Shared decoding of Gaussians: quaternions, logarithms, logits, harmonics."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ PER_GAUSSIAN = 146 + 100  # most bytes in memory: the result, and temporary arra
 
 
 def check_count(what: str, count: int) -> int:
-    """Return a number of Gaussians; reject none, and more than the free memory holds."""
+    """Return a number of Gaussians; reject 0, and more than the free memory holds."""
     if count < 1:
         raise ValueError("has no Gaussians")
     check_free(what, count * PER_GAUSSIAN)

@@ -1,4 +1,4 @@
-"""Read 3D Gaussians of any known format, which the content tells; write them by the suffix."""
+"""Read 3D Gaussians of any known format, detected by content; write them by suffix."""
 
 import errno
 import logging
@@ -261,7 +261,7 @@ def write_gaussians(path: str | Path, gaussians: Gaussians) -> None:
 
 
 def suffix_of(path: Path) -> str:
-    """Return which of `SUFFIXES` a name ends in."""
+    """Return the one of `SUFFIXES` that a name ends in."""
     name = path.name.lower()
     known = [suffix for suffix in SUFFIXES if name.endswith(suffix)]
     if not known:

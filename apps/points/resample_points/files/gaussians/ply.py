@@ -74,7 +74,7 @@ class TrainedFile:
         self._step = step_of(largest)
 
     def tell(self) -> None:
-        """Say what of the file may not mean what its writer meant, once it is shown."""
+        """Warn of ambiguous parts of the file, once it is shown."""
         self._file.tell_scales()
         some = self._records[:: max(1, self.count // SAMPLED)]
         opacity = some["opacity"]
@@ -87,7 +87,7 @@ class TrainedFile:
             )
 
     def empty(self, count: int) -> Gaussians:
-        """Return room for some Gaussians of the file."""
+        """Allocate arrays for some Gaussians of the file."""
         return Gaussians(
             position=np.empty((count, 3), np.float32),
             scale=np.empty((count, 3), np.float32),

@@ -44,7 +44,7 @@ Texels = NDArray[np.uint8]  # (N, 4)
 
 
 class _Pictures:
-    """The description of a scene, and the pictures that hold its Gaussians.
+    """The description of a scene, and the pictures with its Gaussians.
 
     `file`: gives the path of a picture by its name.
     """
@@ -75,7 +75,7 @@ class _Pictures:
         return found
 
     def numbers(self, part: str, key: str, count: int | None = None) -> Doubles:
-        """Return numbers of the description, of a size that float32 holds."""
+        """Return numbers of the description, within float32's range."""
         given: Any = self.described(part).get(key)
         listed: list[Any] = given if isinstance(given, list) else [given]
         if listed[:1] == [None] and len(listed) > 2 and None not in listed[1:]:
@@ -298,7 +298,7 @@ def _webp(texels: NDArray[Any], width: int) -> bytes:
 
 
 def _codebook(values: Floats) -> tuple[NDArray[np.uint8], list[float]]:
-    """Return which of 256 numbers is nearest to each value, and the numbers: k-means of one axis.
+    """Return the index of the nearest of 256 numbers for each value, and the numbers (k-means).
 
     The numbers are ascending; they begin as quantiles of the values' ranks and of their range.
     """

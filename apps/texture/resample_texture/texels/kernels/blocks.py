@@ -113,7 +113,7 @@ def _cut_off(stack: Integers, top: int, axis: int, length: int) -> None:
 
 @kernel
 def beside(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
-    """Whether a rectangle lies outside one of some lines, and if the last one cuts it."""
+    """Whether a rectangle lies outside one of some lines, and whether the last one cuts it."""
     is_cut = False
     for line in range(lines.shape[0]):
         # Count the corners outside the line.
@@ -143,7 +143,7 @@ def view_bounds(matrix: Doubles, height: int, width: int, reach: float) -> Doubl
 
 
 def view_bounds_of(matrix: Doubles, frame: tuple[int, int], reach: float) -> Doubles:
-    """Return `view_bounds` from Python: five lines are not worth machine code."""
+    """Return `view_bounds` in plain Python, which is fast enough for five lines."""
     return np.asarray(unwrap(view_bounds)(matrix, *frame, reach))
 
 
@@ -188,7 +188,7 @@ def _dice(rectangle: Integers, axis: int, length: float, quality: float, largest
 
 @kernel
 def _longer(ranges: Doubles, cells: Integers) -> int:
-    """Axis along which a block has to be split; -1 if it may stay whole."""
+    """Axis along which to split a block; -1 if it may stay whole."""
     axis = 0 if cells[0] >= cells[1] else 1
     # Split if there are too many cells.
     if cells[axis] > LARGEST:
@@ -218,7 +218,7 @@ def _noted(
     reach: float,
     frame: tuple[int, int],
 ) -> tuple[Integers, Integers, int]:
-    """Append a block and its pixels to those found, if it meets the frame."""
+    """Append a block and its pixels to the list, if it meets the frame."""
     blocks, bounds, count = found
     # Grow the arrays when they are full.
     if count == blocks.shape[0]:

@@ -58,7 +58,7 @@ LARGE = 1 << 14  # px²
 
 
 class Shape(NamedTuple):
-    """How wide splats are, and which texels are points."""
+    """Width of splats, and threshold for points."""
 
     variance: float  # texels², of V_r along an axis
     filter_variance: float  # px², of V_h
@@ -130,7 +130,7 @@ def splat_on_plane(
 
 @kernel
 def slope(before: float, here: float, after: float) -> float:
-    """Central difference, or that on one side where the other has no place."""
+    """Central difference, or one-sided where the other side has no place."""
     if math.isfinite(before):
         return 0.5 * (after - before) if math.isfinite(after) else here - before
     return after - here
@@ -173,7 +173,7 @@ class Splatted(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What rows of a block's texels are made of and with."""
+    """Sources and scratch of rows of a block's texels."""
 
     batch: Batch
     splat: Floats  # (ROWS, N) of the engine's stamps
@@ -267,7 +267,7 @@ def _stamp(work: Rows, ground: Ground) -> None:
 def splat_blocks(
     counter: Counter, source: Splatted, spread: FilterTaps, parts: SourceParts
 ) -> None:
-    """Add the texels of every block to pixels of its own."""
+    """Add the texels of every block to its own pixels."""
     paint_parts(counter, source, spread, parts)
 
 

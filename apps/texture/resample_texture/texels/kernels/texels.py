@@ -16,7 +16,7 @@ DENSE = 4096
 
 
 class Extract(NamedTuple):
-    """Which part of a source an array of texels is."""
+    """Part of a source that an array of texels covers."""
 
     height: int  # of the source
     width: int

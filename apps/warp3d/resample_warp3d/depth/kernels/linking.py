@@ -92,7 +92,7 @@ def _link_axis(nearness: Floats, row: int, down: bool, tolerance: Doubles, links
 
 @parallel_kernel
 def link_rows(counter: Counter, nearness: Floats, tolerance: Doubles, links: Links) -> None:
-    """Find which neighbours lie on one surface: the bits RIGHT and DOWN.
+    """Find neighbours on one surface: the bits RIGHT and DOWN.
 
     `nearness`: (H, W); 0 where unknown. `tolerance`: (2,) a and b: jumps up to a + b δ are no
     edges. `links`: (H, W) filled.

@@ -202,7 +202,7 @@ def refine(
 def _repaired(
     task: RefinementTask, chosen: str, nearness: Floats, small: SmallMap | None
 ) -> tuple[Floats, Floats]:
-    """Apply a refinement but for filling; also return the share of votes, 1 where unchanged."""
+    """Apply a refinement without filling; also return the share of votes, 1 where unchanged."""
     if chosen == "sharpen":
         if small is not None and not small.is_repeated:
             return _grown(task, small, nearness)
@@ -254,7 +254,7 @@ def _softness(nearness: Floats, noise: float, step: float) -> Findings:
 
 
 def _error(nearness: Floats, small: SmallMap) -> Floats:
-    """Return how far means of a map are off the samples of a small one, relatively, smoothed."""
+    """Return the relative error of a map's means against a small map's samples, smoothed."""
     import cv2
 
     mean = small.means(depth_of(nearness) if small.is_depth else nearness)

@@ -68,7 +68,7 @@ class Axis(NamedTuple):
 
 
 class Enlargement(NamedTuple):
-    """How a map was enlarged; pictures of a shot share it."""
+    """Enlargement of a map; pictures of a shot share it."""
 
     rows: Axis  # as fitted
     columns: Axis
@@ -125,7 +125,7 @@ class SmallMap:
 
 
 def small_map(nearness: Floats, step: float, *, is_soft: bool) -> SmallMap | None:
-    """Return the map that a map was enlarged from; None if none is found.
+    """Return the map that a map was enlarged from; None if not found.
 
     `nearness`: (H, W); 0 where unknown. `step`: its quantization. `is_soft`: most edges span
     several samples; others were not interpolated.
@@ -138,7 +138,7 @@ def small_map(nearness: Floats, step: float, *, is_soft: bool) -> SmallMap | Non
 
 
 def small_map_like(nearness: Floats, step: float, how: Enlargement) -> SmallMap | None:
-    """Return the map that a map was enlarged from as another was; None if it was not.
+    """Return a map's small map by another's enlargement; None if it does not fit.
 
     `nearness`, `step`: as in `small_map`.
     """
@@ -148,7 +148,7 @@ def small_map_like(nearness: Floats, step: float, how: Enlargement) -> SmallMap 
 
 
 def _of_blocks(nearness: Floats) -> SmallMap | None:
-    """Return the map that was enlarged by repetition; each value is that amid a block.
+    """Return the map that was enlarged by repetition, with values from the blocks' middles.
 
     In noisy maps, such as from JPEG files, only steps between surfaces count. Where half of the map
     is flat along an axis, the other axis tells the ratio.
@@ -188,7 +188,7 @@ def _amid(axis: Axis, count: int) -> tuple[Axis, NDArray[np.int64]]:
 
 
 def _steps(values: Floats, *, is_noisy: bool) -> Doubles:
-    """Count the steps between each column and the next; none where they are few.
+    """Count the steps between each column and the next; 0 where they are few.
 
     In noisy maps large ones are added up, relative to the larger value.
     """
@@ -220,7 +220,7 @@ def _periods(profiles: Iterable[Doubles]) -> list[float]:
 
 
 def _evened(profile: Doubles) -> Doubles:
-    """Return a profile relative to its mean around, limited, so that no object outweighs others."""
+    """Return a profile relative to its local mean, clamped so that no object dominates."""
     window = np.ones(min(2 * int(LARGEST) + 1, profile.size))
     mean = np.convolve(profile, window, "same") / np.convolve(np.ones_like(profile), window, "same")
     return np.asarray(np.minimum(profile / np.maximum(mean, 1.0), MOST_EVEN))
@@ -394,7 +394,7 @@ def _refined(rows: Doubles, axis: Axis, rounds: int, *, is_cubic: bool) -> tuple
 def _solved(
     rows: Floats | Doubles, axis: Axis, *, is_cubic: bool
 ) -> tuple[Doubles, Axis, "csr_array"]:
-    """Return the short rows (H, w) that, enlarged, fit rows (H, W) best; their axis, and how."""
+    """Return the short rows (H, w) that, enlarged, fit rows (H, W) best; axis and interpolation."""
     from scipy.linalg import solveh_banded
 
     matrix, first = _interpolation(rows.shape[1], axis, is_cubic=is_cubic)
@@ -461,7 +461,7 @@ def parted(values: Floats) -> tuple[Floats, Mask]:
 
 
 def _means(values: Floats) -> Mask:
-    """Return which samples lie between two surfaces, along rows or columns."""
+    """Return flags of samples between two surfaces, along rows or columns."""
     found = np.zeros(values.shape, np.bool_)
     for axis in (0, 1):
         for count in range(1, MEANS + 1):

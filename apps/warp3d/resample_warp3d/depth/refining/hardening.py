@@ -187,7 +187,7 @@ def counted(
 
 
 def _with_thin_things(task: RefinementTask, ballot: Ballot, refined: Floats) -> Ballot:
-    """Restore the nearness of thin objects that blur has reduced, for the votes."""
+    """Restore the nearness of thin objects reduced by blur, for the votes."""
     from resample_warp3d.depth.refining.kernels.softness import Blur, restore
 
     blurred = depth_of if task.findings.is_depth else np.array

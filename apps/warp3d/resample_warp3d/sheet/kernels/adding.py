@@ -108,7 +108,7 @@ def _add_rim(n: int, sides: int, cells: SegmentCells, layers: TwoLayers) -> None
 def add_boxes(
     begin: int, end: int, is_open: bool, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
 ) -> None:
-    """Add a run of upright cells as boxes, slot by slot; of some, surfaces end if `is_open`."""
+    """Add a run of upright cells as boxes, slot by slot; `is_open`: surfaces end at some."""
     numbers, places = cells
     rows, columns = set_boxes(begin, end, frame, numbers, places)
     for j in range(rows):

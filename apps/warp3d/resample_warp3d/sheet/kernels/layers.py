@@ -134,7 +134,7 @@ def _take_nearest(
 
 @plays(skips, BackPass)
 def _skips_front(look: BackPass, strip: SheetStrip, member: int, nth: int) -> bool:
-    """Skip segments of cells that lie in front everywhere: nothing of them is behind."""
+    """Skip segments of cells that lie in front everywhere."""
     row, segment = divmod(member, strip.screen.bounds.shape[1])
     bounds, frame, least = strip.screen.bounds[row, segment], strip.frame, look.least[nth]
     left, right = max(0, bounds[0]), min(frame.width, bounds[2])

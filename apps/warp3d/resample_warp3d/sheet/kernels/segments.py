@@ -99,7 +99,7 @@ class SegmentCells(NamedTuple):
 def _load_corners(
     screen: Floats, torn: Floats, index: Indices, row: int, start: int, count: int, numbers: Floats
 ) -> int:
-    """Copy the corners of a segment's cells, and count those that do not share them."""
+    """Copy the corners of a segment's cells, and count cells that do not share them."""
     # Copy left and right corners in two loops, each of contiguous memory.
     above, below = np.uint64(row), np.uint64(row) + np.uint64(1)
     for n in range(count):

@@ -207,7 +207,7 @@ def _between(
     voters: Voters, row: int, column: int, apart: int, is_rough: bool, refined: Floats,
     agreed: Floats,
 ) -> tuple[float, float]:  # fmt: skip
-    """Mean of the samples around that were asked first, if they tell the sample's surface, else 0.
+    """Mean of the samples around that voted first, if they determine the surface, else 0.
 
     They do if they all but agree, have colors like the sample's, and it is on no other surface. If
     a rough answer is enough, the one with the most similar color does.
