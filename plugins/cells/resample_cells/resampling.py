@@ -74,7 +74,7 @@ def _check_unstructured(data: Any, points: int, name: str) -> None:
 
 
 def _kinds(data: Any) -> Any:
-    """Return the kinds of cells, whose method VTK 9.6 renamed."""
+    """Return the kinds of cells, by a method that VTK 9.6 renamed."""
     try:
         return data.GetCellTypes()
     except TypeError:

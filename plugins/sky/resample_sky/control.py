@@ -38,7 +38,7 @@ def coarsely(
 
     `function`: takes and returns two arrays of one shape, px. `shape`: height and width of the
     target, px. `error`: of a place, px, at most; 0: all pixels are evaluated. `exact`: (N, 2)
-    places in the target whose cells are evaluated at each pixel, too.
+    places in the target with cells evaluated at each pixel, too.
     """
     from scipy import ndimage
 
