@@ -1,6 +1,6 @@
-"""Calls as users of other libraries write them: their words are understood, or answered.
+"""Translate arguments that follow other libraries' conventions, or suggest ours.
 
-The words are those of OpenCV, scikit-image, SciPy, Pillow, Matplotlib, napari, VTK and PyVista.
+The words come from OpenCV, scikit-image, SciPy, Pillow, Matplotlib, napari, VTK and PyVista.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -9,7 +9,7 @@ from importlib import import_module
 from os import PathLike
 from typing import Any, ParamSpec, TypedDict, TypeVar
 
-VARKEYWORDS = 8  # `inspect.CO_VARKEYWORDS`, whose import takes 10 ms
+VARKEYWORDS = 8  # `inspect.CO_VARKEYWORDS`; importing it takes 10 ms
 P = ParamSpec("P")
 R = TypeVar("R")
 C = TypeVar("C")
@@ -30,8 +30,8 @@ class FilmOptions(CommandOptions, total=False):
     scheduler: str
 
 
-# What others call an argument or option -> what it is here with the same values: the first that a
-# call has; and what is like it, for messages only.
+# Other libraries' names of an argument or option -> ours with the same values: the first that a
+# call has; and similar ones, for messages only.
 NAMES = {
     "angle": ("degrees", "turn camera"),
     "antialias aa ssaa spp samples supersample": ("", "subpixels quality filter"),
@@ -91,8 +91,8 @@ NAMES = {
     "voxel_size voxelsize pixdim": ("spacing", ""),
     "width height w h": ("", "width size factor"),
 }
-TURNED = "dsize size"  # arguments whose two numbers are the other way round here
-TOGETHER = (  # ours, and those of others that say it together
+TURNED = "dsize size"  # arguments with two numbers in the opposite order
+TOGETHER = (  # our options, and one argument of others for both
     ("size", "width height"),
     ("camera", "azimuth elevation zoom"),
     ("camera", "azimuth elevation"),
@@ -103,7 +103,7 @@ TOGETHER = (  # ours, and those of others that say it together
     ("intrinsics", "fx fy cx cy"),
     ("pose", "r t"),
 )
-USUAL = {  # arguments of others, and their values that are all that there is here
+USUAL = {  # others' arguments, and the values that name our only behavior
     "anti_aliasing antialias expand reshape resize preserve_range": (True,),
     "render_points_as_spheres opencv align_centers": (True,),
     "align_corners multichannel": (False,),
@@ -135,7 +135,7 @@ REMEDIES = {
     "gamma": "transfer='LOW,black,0 HIGH,white,0.5' has the opacity of each value",
     "isomin isomax surface_count": "iso= is one surface; surface=['0.3,red', '0.6,white'] adds "
     "others",
-    "alpha": "transfer='gray:opacity=0.2' is that of volumes; points are opaque",
+    "alpha": "transfer='gray:opacity=0.2' sets it for volumes; points are opaque",
     "position: radius": "radius= is in scene units, (N,)",
     "point_size: radius": "point_size= is a width in px",
     "point_size: r t": "camera=Camera(matrix, world_to_camera) is a camera of OpenCV's axes",
@@ -200,7 +200,7 @@ RESULTS = {
     "image array data pixels numpy": "np.asarray(result) has the levels that people see, rgba of a "
     "frame its light",
     "to_pil pil to_pillow": "to_image() makes a Pillow image",
-    "imshow plot display": "show() opens it; notebooks show what is returned",
+    "imshow plot display": "show() opens it; notebooks show returned results",
     "write imwrite export": "save(path) writes it",
     "alpha mask": "coverage says how much of each pixel is covered",
 }
@@ -217,7 +217,7 @@ ALIASES = {
     "read_point_cloud load_point_cloud load_ply": "read_cloud",
     "pointcloud point_cloud": "Cloud",
 }
-# What others call a function with choices of its own -> what it is here, and these choices.
+# Other libraries' functions that imply options -> our function, and these options.
 PRESETS: dict[str, tuple[str, dict[str, Any]]] = {
     "anaglyph": ("stereo", {"layout": "anaglyph"}),
     "mip maximum_projection": ("render", {"projection": "maximum"}),
@@ -251,7 +251,7 @@ FUNCTIONS = {
     '.control_points(source, target, shape, "projective") makes the matrix for warp',
     "getrotationmatrix2d": "rotate(image, degrees) rotates",
     "downscale_local_mean": "resize(image, 0.5) halves it",
-    "warp_polar": "warpPolar(image, dsize, center, radius, flags) is that of OpenCV",
+    "warp_polar": "warpPolar(image, dsize, center, radius, flags) as in OpenCV",
     "swirl piecewise_affine": "warp(image, (map_x, map_y), shape) "
     "takes the places (H, W) in the source",
     "equirectangular_to_perspective equirect_to_perspective e2p e2c py360convert": "project(image, "
@@ -265,7 +265,7 @@ FUNCTIONS = {
 
 
 def answer(word: str, known: Collection[str], remedies: Mapping[str, str]) -> str:
-    """Return what to write instead of a name that is not known, as the end of a sentence."""
+    """Return a suggestion for an unknown name, as the end of a sentence."""
     for key, text in remedies.items():
         has, _, words = key.rpartition(": ")
         if word.lower() in words.split() and (not has or has in known):
@@ -278,14 +278,14 @@ def answer(word: str, known: Collection[str], remedies: Mapping[str, str]) -> st
 
 
 def choice_meant(given: str, choices: Collection[Any]) -> str:
-    """Return the choice that another library's name means here; without one the name itself."""
+    """Translate another library's name of a choice; unknown names are returned unchanged."""
     word = given.lower().replace("_", "-")
     meant = [ours.split() for theirs, ours in CHOICES.items() if word in theirs.split()]
     return next((one for every in meant for one in every if one in choices), given)
 
 
 def ours_of(name: str, known: Collection[str], *, alike: bool = False) -> str:
-    """Return the option that a name means, of those known; empty if it means none.
+    """Return the known option that a name means; empty if it means none.
 
     `alike`: options that are only like it count, too.
 
@@ -304,7 +304,7 @@ def ours_of(name: str, known: Collection[str], *, alike: bool = False) -> str:
 
 
 def _value_of(name: str, value: Any, known: Collection[str]) -> Any:
-    """Return a value as it is written here: sizes are turned, numbers of modes are named."""
+    """Return a value in our form: sizes are swapped, mode numbers become names."""
     word = name.lower()
     if name not in known and word in TURNED.split() and hasattr(value, "__len__"):
         return tuple(value)[::-1]
@@ -317,14 +317,14 @@ def _value_of(name: str, value: Any, known: Collection[str]) -> Any:
 
 
 def _joined(given: dict[str, Any], known: set[str]) -> None:
-    """Replace arguments of others that belong together by the one that they are here."""
+    """Merge other libraries' arguments that are one argument here."""
     for ours, text in TOGETHER:
         spelled, words = {name.lower(): name for name in given}, text.split()
         if ours not in known or known >= {*words} or not spelled.keys() >= {*words}:
             continue
         parts = [given[spelled[word]] for word in words]
         if words[-1] == "up" and isinstance(parts[-1], str):
-            continue  # an axis, which is an option of its own
+            continue  # an axis, which is a separate option
         for word in words:
             del given[spelled[word]]
         if ours == "pose":
@@ -347,7 +347,7 @@ def _joined(given: dict[str, Any], known: set[str]) -> None:
 
 
 def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict[str, Any]:
-    """Return options under the names that they have here.
+    """Return options under our names.
 
     Raises
     ------
@@ -368,11 +368,11 @@ def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict
     for name, given_value in given.items():
         usual = next((row for words, row in USUAL.items() if name.lower() in words.split()), ())
         if name not in known and type(given_value) in (bool, int) and given_value in usual:
-            continue  # it asks for what is always done here
+            continue  # it asks for our only behavior
         value, ours = _value_of(name, given_value, known), ours_of(name, known)
         if (
             name == "scale" and "fit" in known and name not in known
-        ):  # of `resize`, whose shape may be a share
+        ):  # `resize` also takes a factor as shape
             value, ours = float(value), "shape"
         is_number = ours in ("edge", "interpolation") and ours != name and isinstance(value, int)
         if not ours or is_number:
@@ -386,7 +386,7 @@ def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict
 def takes(
     options: type | None = None, *, instead: str = ""
 ) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorate a function so that keywords are understood, or refused with an answer.
+    """Decorate a function to translate other libraries' keywords, or suggest ours.
 
     `options`: the `TypedDict` of further keywords. `instead`: what to call if arguments are missing
     or too many.
@@ -438,13 +438,13 @@ def takes(
 
 
 def alias_of(name: str, known: Collection[str]) -> str:
-    """Return the function that a name means, of those known; empty if it means none."""
+    """Return the known function that a name means; empty if it means none."""
     means = (ours for words, ours in ALIASES.items() if name.lower() in words.split())
     return name if name in known else next((one for one in means if one in known), "")
 
 
 def no_attribute(given: Any, name: str, remedies: Mapping[str, str]) -> AttributeError:
-    """Answer other libraries' names of what an object has; for its `__getattr__`."""
+    """Suggest our names for other libraries' attributes; for `__getattr__`."""
     hint = "" if name.startswith("_") else answer(name, dir(given), remedies)
     return AttributeError(f"{type(given).__name__!r} object has no attribute {name!r}{hint}")
 
@@ -452,10 +452,10 @@ def no_attribute(given: Any, name: str, remedies: Mapping[str, str]) -> Attribut
 def constructed(
     instead: str = "", check: Callable[..., None] | None = None
 ) -> Callable[[type[C]], type[C]]:
-    """Decorate a dataclass or `NamedTuple` so that its constructor answers like `takes`.
+    """Decorate a dataclass or `NamedTuple` so that its constructor translates like `takes`.
 
-    What its package does with it, `METHODS`, can be called as methods. `check`: is given the
-    arguments that have no name, and raises what is wrong with them.
+    Its package's functions in `METHODS` can be called as methods. `check`: is given the
+    positional arguments, and raises errors about them.
     """
 
     def attribute(data: Any, name: str) -> Any:

@@ -1,4 +1,4 @@
-"""One call for whatever there is: the application is found by what it is given."""
+"""One call for all applications: the first argument selects one."""
 
 from importlib import import_module
 from os import PathLike
@@ -21,7 +21,7 @@ def render(scene: Any, *choices: Any, **options: Any) -> Any:
     Parameters
     ----------
     scene
-        A file; an array (Z, Y, X) of a volume or (N, 3) of points; or what an application has.
+        A file; an array (Z, Y, X) of a volume or (N, 3) of points; or an application's own object.
     choices, options
         As `resample_volume.render` or `resample_points.render` takes them.
 
@@ -32,7 +32,7 @@ def render(scene: Any, *choices: Any, **options: Any) -> Any:
     Raises
     ------
     TypeError
-        It is a picture, or nothing that can be rendered; it says what to do instead.
+        It is a picture, or cannot be rendered; the message says what to do instead.
     ValueError, LookupError, OSError
         As for the application.
 
@@ -134,12 +134,12 @@ def view(scene: Any, /, **settings: Any) -> Any:
 
 
 def _kind(scene: Any) -> str:
-    """Return the application of a scene; empty if none is."""
+    """Return the application of a scene; empty if unknown."""
     if isinstance(scene, str | PathLike):
         if PurePath(scene).suffix.lower() in PICTURES:
             return "texture"
         is_points = registry.load("views", "points")([str(scene)])
-        return "points" if is_points else "volume"  # which says what is wrong with a file
+        return "points" if is_points else "volume"  # which reports a file's errors
     home = type(scene).__module__.partition(".")[0]
     if home.startswith("resample_"):
         return home.removeprefix("resample_")

@@ -12,7 +12,7 @@ T = TypeVar("T")
 NAMESAKE = (
     "the distributions `resample` and `hybrid-resample` are installed in one environment and both "
     "import as `resample`: pip uninstall resample, then pip install --force-reinstall --no-deps "
-    "hybrid-resample, or give each an environment of its own"
+    "hybrid-resample, or give each its own environment"
 )
 
 
@@ -62,7 +62,7 @@ def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
 
 
 def _hint(name: str, homes: Mapping[str, str]) -> str:
-    """What to take instead of a name that users guess; nothing for what Python itself asks for."""
+    """Suggestion for a name that users guess; nothing for names that Python looks up."""
     if name.startswith("_"):
         return ""
     from resample.calling import FUNCTIONS, answer
@@ -71,7 +71,7 @@ def _hint(name: str, homes: Mapping[str, str]) -> str:
 
 
 def moved(home: str, package: str) -> Callable[[str], Any]:
-    """`__getattr__` of a module whose names another package of this project has now.
+    """`__getattr__` of a module with names that moved to another package of this project.
 
     `home`: the module that has them.
     """

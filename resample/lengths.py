@@ -13,7 +13,7 @@ OTHERS = {"in": 25.4, "ft": 304.8}  # mm
 
 
 def unit_of_length(word: str) -> tuple[str, float]:
-    """Unit in which lengths of a file's unit are held, by its name there, and the factor to it.
+    """Our unit for a file's unit of length, by its name there, and the factor to it.
 
     These are mm, and µm for shorter ones. The unit is empty for anything else, such as pixels.
 

@@ -22,8 +22,8 @@ from resample.showable import array_of
 from resample.types import Doubles, Floats, Samples
 
 THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; longer samples are splats
-# Points are axis-aligned boxes, which cover rotated samples unevenly. Samples whose bounds exceed
-# their area by the first factor become splats from the second factor times a pixel on.
+# Points are axis-aligned boxes, which cover rotated samples unevenly. Samples with bounds above
+# the first factor times their area become splats from the second factor times a pixel on.
 UPRIGHT, TURNED = 1.02, 0.5
 # Standard deviation of a splat in units of its sample: a lattice of them sums to 1 within 0.5 %.
 SIGMA = 0.6
@@ -56,7 +56,7 @@ class Scattering(NamedTuple):
 
 
 class _VisibleSamples(NamedTuple):
-    """N samples whose footprints meet the grid."""
+    """N samples with footprints that meet the grid."""
 
     place: Doubles  # (N, 2) px
     jacobian: Doubles  # (N, 2, 2)
@@ -258,7 +258,7 @@ def _samples(position: ArrayLike, value: ArrayLike) -> tuple[Doubles, Floats]:
 
 
 def _jacobians(jacobian: ArrayLike | None, radius: ArrayLike | None, count: int) -> Doubles:
-    """Jacobian of each sample (N, 2, 2); for a disc that of a square of equal area."""
+    """Jacobian of each sample (N, 2, 2); for a disc, of a square of equal area."""
     if (jacobian is None) == (radius is None):
         raise ValueError("a sample has a jacobian or a radius; give one of them")
     if radius is not None:
@@ -320,7 +320,7 @@ def particles(
         ellipsoid, along one that is as long in it as in a sphere of its volume.
     radius
         Number or (N,), above 0, scene units: where a sphere ends; it fades from its center as the
-        kernel does. Or (N, 3): half axes of ellipsoids, of which one or two may be 0.
+        kernel does. Or (N, 3): half axes of ellipsoids; one or two of three may be 0.
     reconstruction
         Kernel of the resampler; None: a `GaussianKernel`.
     rotation

@@ -90,7 +90,7 @@ def check_threads(given: Any) -> None:
 
 
 def number(name: str, given: Any) -> float:
-    """Return a number of users' arguments; texts are none, as `"30"`.
+    """Return a number of users' arguments; reject texts such as `"30"`.
 
     Examples
     --------
@@ -109,7 +109,7 @@ def number(name: str, given: Any) -> float:
 
 
 def check_numbers(choices: Any, *names: str) -> None:
-    """Reject attributes of these names that are no numbers; None is left to its meaning."""
+    """Reject attributes of these names that are not numbers; None is allowed."""
     for name in names:
         given = getattr(choices, name)
         if given is not None:
@@ -117,7 +117,7 @@ def check_numbers(choices: Any, *names: str) -> None:
 
 
 def doubles_of(name: str, given: Any, wanted: str) -> "NDArray[np.float64]":
-    """Return an array of users' numbers; texts, complex numbers and ragged lists are none."""
+    """Return an array of users' numbers; reject texts, complex numbers and ragged lists."""
     import numpy as np
 
     try:
@@ -130,7 +130,7 @@ def doubles_of(name: str, given: Any, wanted: str) -> "NDArray[np.float64]":
 
 
 def check_kind(name: str, given: Any, kinds: Any, wanted: str) -> None:
-    """Reject an argument that is of none of some classes."""
+    """Reject an argument that is not of one of these classes."""
     if not isinstance(given, kinds):
         raise TypeError(f"a {name} of {type(given).__name__}; give {wanted}")
 

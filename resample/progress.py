@@ -61,7 +61,7 @@ class Cancel:
 
     @property
     def is_cancelled(self) -> bool:
-        """Whether work is to stop, or has stopped."""
+        """Whether work should stop, or has stopped."""
         return self._event.is_set() or (self._other is not None and self._other.is_cancelled)
 
     def cancel(self) -> None:
@@ -108,7 +108,7 @@ def cancellable(cancel: Cancel | None) -> Iterator[None]:
 
 
 def watched_cancel() -> Cancel | None:
-    """What may stop the current work; None if nothing may."""
+    """Signal that may stop the current work, or None."""
     return _watch.get().cancel
 
 
@@ -154,12 +154,12 @@ def portion(first: float, last: float) -> Iterator[None]:
 
 
 def progress_here() -> Progress | None:
-    """What is told of the progress of the current work."""
+    """State of progress of the current work."""
     return _watch.get().progress
 
 
 def is_watched() -> bool:
-    """Whether progress or cancellation of the current work is wanted."""
+    """Whether progress or cancellation of the current work is observed."""
     watch = _watch.get()
     return watch.cancel is not None or watch.progress is not None
 

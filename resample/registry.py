@@ -1,4 +1,4 @@
-"""Plugins by name: built-in parts and those of other packages are entry points alike.
+"""Plugins by name: built-in and other packages' parts are entry points alike.
 
 Every replaceable part is an entry point in a group `resample.<group>`. A package adds a plugin with
 one line of its pyproject.toml; nothing is imported before it is used:
@@ -82,7 +82,7 @@ def names(group: str) -> list[str]:
 
 
 def missing(group: str, name: str) -> str:
-    """Which package of this project has a part that is not installed; empty if none has."""
+    """Name of this project's package with a missing part; empty if unknown."""
     for package, parts in ELSEWHERE.items():
         if name in parts.get(group, "").split() and name not in _entries(group):
             kind = _singular(group)
@@ -99,7 +99,7 @@ def load(group: str, name: str) -> Any:
     """Import one plugin and no other.
 
     `group`, `name`: as listed by `names`. Returns the object of the entry point: in most groups a
-    class whose parameters are the user's choices. Raises LookupError: the name is unknown or
+    class that takes the user's choices. Raises LookupError: the name is unknown or
     claimed by two packages, or the plugin cannot be imported.
     """
     entry = _entry(group, name)
@@ -117,7 +117,7 @@ def build(group: str, spec: str) -> Any:
     """Create a plugin object from a specification.
 
     `group`: one of `GROUPS`. `spec`: `name` or `name:parameter=value,parameter=value`. Values are
-    integers, numbers, `true`, `false` or text; a parameter whose default is text takes its value
+    integers, numbers, `true`, `false` or text; a parameter with text as default takes its value
     literally. Returns the plugin called with the parameters: `gaussian:sigma=0.6` gives
     `Gaussian(sigma=0.6)`. Raises LookupError: as in `load`. Raises ValueError: a parameter is
     unknown, malformed, missing or rejected by the plugin.
@@ -150,7 +150,7 @@ def check(group: str, specs: Iterable[str]) -> None:
 
 
 def parameters(plugin: Any) -> dict[str, Any]:
-    """Parameters of a plugin with their defaults; `REQUIRED` where there is none."""
+    """Parameters of a plugin with their defaults; `REQUIRED` without one."""
     return dict(_parameters(plugin))
 
 
@@ -179,7 +179,7 @@ def entry_points(*, group: str) -> "EntryPoints":
 
 
 @cache
-def _installed(path: tuple[str, ...]) -> "EntryPoints":  # noqa: ARG001 - part of what is remembered
+def _installed(path: tuple[str, ...]) -> "EntryPoints":  # noqa: ARG001 - part of the cache's key
     """Entry points of all groups, cached (5 ms) while `sys.path` stays the same."""
     from importlib import metadata
 
@@ -199,7 +199,7 @@ def _entries(group: str) -> "dict[str, EntryPoint]":
 @cache
 def _named(
     group: str,
-    path: tuple[str, ...],  # noqa: ARG001 - part of what is remembered
+    path: tuple[str, ...],  # noqa: ARG001 - part of the cache's key
     find: "Callable[..., EntryPoints]",
 ) -> "dict[str, EntryPoint]":
     """Entry points of a group by public name, cached while `sys.path` stays the same."""

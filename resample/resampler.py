@@ -60,8 +60,8 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
     primitive
         Points, splats, or each where it is better.
     footprint
-        Model of the splats; None is exact, and corrected under `Primitive.PAPER`. What is not exact
-        is painted by `resample.hybrid`, as are points.
+        Model of the splats; None is exact, and corrected under `Primitive.PAPER`. Inexact splats
+        and points are painted by `resample.hybrid`.
     pixel_filter
         Filter from sub-pixels to pixels, by name, such as `tent`, or as an object; under
         `Primitive.PAPER` the filter that points are summed under at the pixels, where a box would
@@ -85,7 +85,7 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
     iso
         Value that `Projection.FIRST_HIT` looks for, data units.
     attenuation
-        How much a voxel of the brightest value dims what is behind it, of `Projection.ATTENUATED`;
+        How much a voxel of the brightest value dims voxels behind it, of `Projection.ATTENUATED`;
         0 is the plain maximum.
     method
         Name of the primitive, as commands take it: `Resampler(method="paper")`.
@@ -121,8 +121,8 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         Parameters
         ----------
         samples
-            What is seen; the result does not depend on their order. A `LatticeField` needs `Rays`,
-            as do several of them in a list, whose emission and absorption add up; and `Ellipsoids`
+            Samples; the result does not depend on their order. A `LatticeField` needs `Rays`,
+            as do several of them in a list (their emission and absorption add up); and `Ellipsoids`
             take `EverySample` or `Rays`.
         camera
             Where from.
@@ -134,12 +134,12 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
             Called with the share of the work that is done, 0 to 1, and may raise to stop.
         clip
             (M, 4) planes: normal and offset, scene units. Of a field only that is seen where
-            n · p + d is 0 or more for all of them; of samples, those whose centers are there.
+            n · p + d is 0 or more for all of them; samples are kept by their centers.
 
         Raises
         ------
         ValueError
-            Arrays do not fit together or hold values that are not finite, the size is no size, a
+            Arrays do not fit together or hold values that are not finite, the size is invalid, a
             field or its projection does not go with the order, or choices are not for samples that
             have a scale each.
         """
@@ -177,19 +177,19 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         progress: Progress | None = None,
         clip: ArrayLike | None = None,
     ) -> Frame:
-        """Rows of a picture of fields, with the bits that the whole picture has there.
+        """Rows of a picture of fields, bit-identical to the whole picture's.
 
         Parameters
         ----------
         fields, camera, height, width, threads, progress, clip
-            As of a call.
+            As in a call.
         rows
             First row, and the one after the last, px.
 
         Raises
         ------
         ValueError
-            As a call does; or the rows are no rows of the picture.
+            As a call does; or the rows lie outside the picture.
         """
         check_call(camera, height, width, threads)
         check_sort_of(self, fields)
@@ -241,7 +241,7 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         progress: Progress | None,
         rows: tuple[int, int] | None = None,
     ) -> Frame:
-        """Picture of fields that rays go through, or rows of it."""
+        """Ray-cast picture of fields, or rows of it."""
         from resample.painting.rays import RayPainter
 
         fields = [kernel_field(field) for field in fields]
@@ -273,7 +273,7 @@ def prepared(
     size: tuple[int, int],
     clip: ArrayLike | None,
 ) -> PreparedScene:
-    """What painters get to know besides the samples, for a picture (height, width)."""
+    """Inputs of painters besides the samples, for a picture (height, width)."""
     lattice = samples.lattice
     ellipsoid = ellipsoid_of(lattice, view, choice.reconstruction.radius)
     screen = Screen(size[1], size[0], planes=planes_of(clip, view, ellipsoid))

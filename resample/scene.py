@@ -1,4 +1,4 @@
-"""Scenes: what is prepared once and rendered often; previews, and what is seen at a point."""
+"""Scenes: prepared once, rendered often; previews, and picking."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ LITTLE = 16  # px per side of pictures that only prepare
 
 
 def is_quick(quality: str) -> bool:
-    """Return whether a quality is that of previews; reject unknown ones."""
+    """Return whether a quality is the previews'; reject unknown ones."""
     if quality not in get_args(Quality):
         raise ValueError(f"quality {quality!r}; it can be {' or '.join(get_args(Quality))}")
     return quality == "preview"
@@ -40,22 +40,22 @@ class AnyScene:
         raise NotImplementedError
 
     def prepare(self, *view: Any, **choices: Any) -> None:
-        """Do what the first picture of a view needs; parameters as of `render`, but for `size`."""
+        """Prepare the first picture of a view; parameters as in `render`, without `size`."""
         self.render(*view, size=(LITTLE, LITTLE), **choices)
 
     def preview(self, *view: Any, **choices: Any) -> Any:
-        """Render quickly, from fewer samples and pixels; parameters as of `render`."""
+        """Render quickly, from fewer samples and pixels; parameters as in `render`."""
         return self.render(*view, quality="preview", **choices)
 
     def finer(self, *view: Any, **choices: Any) -> Iterator[Any]:
-        """Yield a preview, then the picture; parameters as of `render`."""
+        """Yield a preview, then the picture; parameters as in `render`."""
         yield self.preview(*view, **choices)
         yield self.render(*view, **choices)
 
     def pick(self, x: float, y: float, *view: Any, **choices: Any) -> Any:
         """Return the index of the sample shown at a point of the picture; None if there is none.
 
-        `x`, `y`: right and down, px; centers of pixels are at halves. `view`, `choices`: as of
+        `x`, `y`: right and down, px; centers of pixels are at halves. `view`, `choices`: as in
         `sample_ids`.
         """
         ids = self.sample_ids(*view, **choices)
@@ -69,7 +69,7 @@ class AnyScene:
 
     @cached_property
     def _running(self) -> set[Cancel]:
-        """What stops the pictures that are being rendered."""
+        """Signal that stops pictures being rendered."""
         return set()
 
     @contextmanager

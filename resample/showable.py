@@ -52,7 +52,7 @@ class Showable:
     __slots__ = ()
 
     def __getattr__(self, name: str) -> Any:
-        """Answer other libraries' names of what a result has."""
+        """Suggest our names for other libraries' attributes of a result."""
         raise no_attribute(self, name, RESULTS)
 
     def save(self, path: str | PathLike[str], *, bits: int = 8, background: Behind = None) -> None:

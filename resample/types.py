@@ -142,8 +142,8 @@ class Tint(NamedTuple):
 UNTINTED = Tint(np.zeros((0, 3), np.uint16), 1.0)
 
 
-UNKNOWN = np.zeros((0, 0, 0), np.uint64)  # cells of a field, of which none was looked at
-UNMEASURED = np.zeros((0, 0, 0), np.uint8)  # distances in a field, of which none is known
+UNKNOWN = np.zeros((0, 0, 0), np.uint64)  # cells of a field, not yet examined
+UNMEASURED = np.zeros((0, 0, 0), np.uint8)  # distances in a field, not yet known
 
 
 class BlockLevels(NamedTuple):
@@ -240,7 +240,7 @@ class RadialTable(NamedTuple):
     """A radial function, tabulated at equal steps of its argument from 0 to `extent`."""
 
     values: Floats  # (K + 1,) the last entry is the value at `extent`
-    extent: float  # px for pixel filters; 1 for footprints, whose argument is the squared index
+    extent: float  # px for pixel filters; 1 for footprints, with the squared index as argument
 
 
 class Profile(NamedTuple):
@@ -263,7 +263,7 @@ Ten = tuple[Single, Single, Single, Single, Single, Single, Single, Single, Sing
 class Pieces(NamedTuple):
     """A kernel's line integrals at distance d: sqrt(1 - d²) times two polynomials.
 
-    Each covers half of 0..1, in powers of the distance from the middle of that half.
+    Each covers half of 0..1, in powers of the distance from the half's middle.
     """
 
     near: Ten
@@ -334,8 +334,8 @@ class Statistics(NamedTuple):
     seconds: dict[str, float]  # per stage
     is_preview: bool = False  # whether the picture shows only some of the samples
     rays: int = 0  # upper bound on rays through a field: one per sub-pixel that may see it
-    from_table: int = 0  # splats whose index the paper's correction table corrected
-    by_equation: int = 0  # splats beyond the table, whose index its equation corrected
+    from_table: int = 0  # splats with an index from the paper's correction table
+    by_equation: int = 0  # splats beyond the table, with an index from its equation
 
     @property
     def splat_fraction(self) -> float:
@@ -368,7 +368,7 @@ class Frame(Showable, _Frame[Counts]):
     """A rendered scene (volume, cloud, mesh, samples) with data on each pixel.
 
     The color is premultiplied by its opacity, the fourth channel. Warped pictures, of any channels
-    and types, are an application's `Warped` instead, whose `image` is multiplied by its `coverage`.
+    and types, are an application's `Warped` instead; its `image` is multiplied by its `coverage`.
     Both use the names `coverage` and `depth`.
 
     Examples
@@ -380,7 +380,7 @@ class Frame(Showable, _Frame[Counts]):
     Frame(32 × 24 px, 6.77 % covered, depth from 4.838)
     >>> frame.rgba.shape, frame.to_uint8("depth").shape
     ((24, 32, 4), (24, 32, 3))
-    >>> round(float(frame.first_depth[12, 16]), 1)  # that of the first splat, of its center
+    >>> round(float(frame.first_depth[12, 16]), 1)  # of the first splat's center
     5.0
     """
 

@@ -70,7 +70,7 @@ def is_file(text: str) -> bool:
 def read_lens(text: str) -> Camera:
     """Read a camera with a lens from a file or numbers; its pose is the identity.
 
-    Parameters and errors are those of `read_calibration`.
+    Parameters and errors as in `read_calibration`.
     """
     return read_calibration(text).camera
 
@@ -118,7 +118,7 @@ def _of_file(path: Path, model: LensModel | None, *, needs_lens: bool) -> Calibr
             matrix = columns_of(inner, "intrinsic_matrix", 3)
             return Calibration(Camera.from_opencv(matrix), shape=_shape(inner))
         # Calibration from names and values.
-        if "distortion_model" in facts:  # keys of a ROS message become those of ROS files
+        if "distortion_model" in facts:  # convert keys of a ROS message to keys of ROS files
             own = {key: value for key, value in facts.items() if key in ROS_NAMES}
             for name, given in own.items():
                 full, shape = ROS_NAMES[name]

@@ -73,8 +73,8 @@ def read_entries(path: str | Path) -> list[Entry]:
 def read_shots(path: str | Path) -> list[PosedPicture]:
     """Read the valid pictures of a file; `left_out` reports the others.
 
-    Parameters and errors are those of `read_entries`; one that has only pictures that cannot be had
-    is refused with what is wrong with the first.
+    Parameters and errors as in `read_entries`; a file with only invalid pictures
+    is rejected with the error of the first.
     """
     entries = read_entries(path)
     shots = [entry for entry in entries if isinstance(entry, PosedPicture)]
@@ -93,7 +93,7 @@ def read_poses(path: str | Path) -> list[Doubles]:
 
 
 def left_out(path: str | Path, *, poses: bool = False) -> str | None:
-    """Message about cameras, or poses, that are invalid; None if there are none."""
+    """Message about invalid cameras or poses; None if all are valid."""
     entries = read_entries(path)
     refused = [entry for entry in entries if isinstance(entry, Refused)]
     if poses:
@@ -146,7 +146,7 @@ def file_and_frame(text: str) -> tuple[str, str]:
 
 
 def viewpoint(text: str, fov: float = Orbit.fov, up: UpAxis = Orbit.up) -> Viewpoint:
-    """Parse a viewpoint of the command line; parameters as of `orbit_of`."""
+    """Parse a viewpoint of the command line; parameters as in `orbit_of`."""
     # Angles first, so that no file of such a name is opened.
     if (angles := orbit_of(text, fov, up)) is not None:
         return angles

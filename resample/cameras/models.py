@@ -20,7 +20,7 @@ from resample.messages import doubles_of, number
 from resample.types import Doubles, View
 
 COUNTS = (4, 5, 8, 12, 14)  # of coefficients
-COUNT = 4  # of those of a fisheye
+COUNT = 4  # of a fisheye's coefficients
 STEPS = 30  # of Newton's method; most points need 2
 TABLE = 1024  # radii or angles in the table of initial guesses
 FARTHEST = 1e6  # radius at distance 1 beyond which nothing is visible
@@ -124,7 +124,7 @@ def distortion(coefficients: Doubles) -> Distortion:
 
 
 def _least(roots: NDArray[Any], most: float) -> float:
-    """Least real root above 0 and below a limit, or that."""
+    """Least real root above 0 and below a limit, or the limit."""
     root = np.asarray(roots, np.complex128)
     is_real = (np.abs(root.imag) <= 1e-9 * np.abs(root)) & (root.real > 0.0)
     return float(np.min(root.real[is_real], initial=most))

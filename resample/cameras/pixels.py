@@ -41,7 +41,7 @@ def undistorted_places(
     ideal: Camera | None = None,
     rotation: Doubles | None = None,
 ) -> Doubles:
-    """Undistort positions: from the camera's picture to that of a pinhole, (..., 2) px.
+    """Undistort positions: from the camera's picture to a pinhole's, (..., 2) px.
 
     `rotation`: (3, 3) from the camera's axes to the pinhole's, OpenCV's R. Default: the identity.
     Result: (..., 2) px, NaN where no light passes the lens or the point is behind the pinhole.
@@ -61,7 +61,7 @@ def distorted_places(
     ideal: Camera | None = None,
     rotation: Doubles | None = None,
 ) -> Doubles:
-    """Distort positions: from a pinhole's picture to that of the camera, (..., 2) px.
+    """Distort positions: from a pinhole's picture to the camera's, (..., 2) px.
 
     Result: (..., 2) px, NaN behind the camera and beyond the fold of the lens.
     """

@@ -33,7 +33,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) 
     --------
     >>> from resample import look_at
     >>> right, down, ahead, _ = look_at((0, -4, 0), (0, 0, 0)) @ [1, 0, 0, 1]
-    >>> round(float(right), 3), round(float(ahead), 3)  # what is at x = 1, from 4 units away
+    >>> round(float(right), 3), round(float(ahead), 3)  # a point at x = 1, from 4 units away
     (1.0, 4.0)
     """
     place = doubles_of("eye", eye, "3 numbers")

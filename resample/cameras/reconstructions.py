@@ -302,7 +302,7 @@ def _frame_entry(place: str, folder: Path, common: Facts, frame: Facts) -> Entry
             if "h" in facts and "w" in facts:
                 shape = (int(facts["h"]), int(facts["w"]))
             else:
-                shape = None  # of the picture, whose suffix NeRF may omit
+                shape = None  # of the picture; NeRF may omit its suffix
                 for file in (folder / name, folder / f"{name}.png") if name else ():
                     with suppress(OSError):
                         source = opened(file) if file.is_file() and shape is None else None

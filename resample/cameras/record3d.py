@@ -25,15 +25,15 @@ def unpacked(path: Path, name: str) -> bytes:
     except KeyError:
         raise LookupError(f"{path} has no {name}; it may have fewer frames") from None
     except (zipfile.BadZipFile, EOFError, RuntimeError) as error:  # or encrypted
-        raise OSError(f"{path} is no recording of Record3D, or damaged: {error}") from None
+        raise OSError(f"{path} is not a Record3D recording, or is damaged: {error}") from None
 
 
 def facts_of_recording(path: Path) -> Facts:
-    """Return what a recording says of itself: sizes, intrinsics and poses."""
+    """Return a recording's metadata: sizes, intrinsics and poses."""
     with naming(str(path)):
         facts = json_of(unpacked(path, "metadata").decode("utf-8", "replace"))
     if not isinstance(facts, dict) or not {"K", "w", "h"} <= facts.keys():
-        raise ValueError(f"{path} is no recording of Record3D: its metadata lack K, w or h")
+        raise ValueError(f"{path} is not a Record3D recording: its metadata lack K, w or h")
     return facts
 
 

@@ -48,7 +48,7 @@ TextLine = tuple[int, list[str]]  # number, from 1, and words
 
 
 def entry_of(place: str, name: str, read: Callable[..., Entry], *given: Any) -> Entry:
-    """Call a reader and return its entry, or an entry that says why it failed."""
+    """Call a reader and return its entry, or an entry with its error."""
     try:
         with naming(place):
             return read(*given)
@@ -148,7 +148,7 @@ def read_trained(path: Path) -> list[Entry]:
     """
     facts = facts_of(path)
     if not is_trained(facts):
-        raise ValueError(f"{path} is no list of cameras with rotation, position and fx")
+        raise ValueError(f"{path} is not a list of cameras with rotation, position and fx")
 
     def camera_of(name: str, facts: Facts) -> PosedPicture:
         turn, place = np.array(facts["rotation"], float), np.array(facts["position"], float)
@@ -280,7 +280,7 @@ def read_viewpoint(path: Path) -> Viewpoint:
     """Read a camera from a TOML file.
 
     It has either `azimuth`, `elevation`, `zoom`, `fov`, `up` and `pan` (see `Orbit`), or `eye`,
-    `target`, `up`, `fov`, `near`, `width` and `height` (without the last two `fov` is that of the
+    `target`, `up`, `fov`, `near`, `width` and `height` (without the last two `fov` applies to the
     picture, whatever its size), or `fx`, `fy`, `cx`, `cy`, `skew`, `distortion`, `near`, the rows
     of `world_to_camera`, and the `width` and `height` that these are for (without them, the
     picture's).
@@ -290,7 +290,7 @@ def read_viewpoint(path: Path) -> Viewpoint:
 
 
 def read_toml(path: Path) -> list[Entry]:
-    """Read cameras with a position of their own: one as in `read_viewpoint`, or `[[camera]]`."""
+    """Read cameras that have their own position: one as in `read_viewpoint`, or `[[camera]]`."""
     with naming(str(path)):
         content = toml_of(text_of(path))
     if not isinstance(content.get("camera"), list):

@@ -139,7 +139,7 @@ class Spot:
 
 
 class Calibrated(NamedTuple):
-    """A camera whose intrinsics are for pictures of one size."""
+    """A camera with intrinsics for pictures of one size."""
 
     camera: Camera
     shape: tuple[int, int]  # height and width, px

@@ -1,4 +1,4 @@
-"""Commands that pass their arguments on to another application, which is a plugin."""
+"""Commands that pass their arguments on to another application, a plugin."""
 
 import inspect
 import sys
@@ -106,7 +106,7 @@ def command_now(application: str, command: str) -> tuple[str, App]:
 
 
 def check_added(app: App, words: Sequence[str], option: str, value: str) -> None:
-    """Reject an option that a sample adds to a command line, unless it is about the look.
+    """Reject an option that a sample adds to a command line, unless it sets the look.
 
     It may also name a file of the sample's own folder, or another sample.
     """
@@ -134,7 +134,7 @@ def run(application: str, command: str, *names: str | Path, **options: Any) -> N
 
     `application`, `command`: their names, such as `volume` and `animate`. `names`: its positional
     arguments. `options`: its options by name, with values as for `command.settings.chosen`; None:
-    left out. Raises TypeError: there is no such option; it says what to give instead. Raises
+    left out. Raises TypeError: the option is unknown; it says what to give instead. Raises
     ValueError, OSError: as for the command.
     """
     from resample.command.settings import Choices, as_on_a_command_line, chosen

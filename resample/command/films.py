@@ -27,7 +27,7 @@ class Tour(NamedTuple):
     frames: int
 
     def viewpoints(self, _spacing: float = 0.0) -> "list[Viewpoint]":
-        """Viewpoint of each frame; it does not depend on the spacing of what is shown."""
+        """Viewpoint of each frame; independent of the object's spacing."""
         return self.keyframes.between(self.frames)
 
 
@@ -41,7 +41,7 @@ def is_file_of_path(path: str, known: Sequence[str], holds: str = "keyframes or 
 
 
 def tour_of(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
-    """Path through a file's keyframes, all of whose frames can be made; says what is left out.
+    """Path through the keyframes that can be rendered; reports those left out.
 
     `frames`: number of frames; None: as the keyframes' times (s) require. `fps`: frames per second.
     """
@@ -73,7 +73,7 @@ def write_shared(
 ) -> None:
     """Write a film with a progress bar; workers share its frames, if there are any.
 
-    `again`: function from a number of threads to the frames, for workers; None: there are none.
+    `again`: function from a number of threads to the frames, for workers; None: no workers.
     `bar`: text of the progress bar.
     """
     with progress_bar(bar) as progress:

@@ -1,4 +1,4 @@
-"""Options of commands: what they are about, headings and help texts, and shared flags.
+"""Options of commands: topics, headings, help texts, and shared flags.
 
 Settings from untrusted files may only change the look of a picture. So an option states its
 category by a mark in its annotation or by its model; one without is not taken from a file.
@@ -51,9 +51,9 @@ class OptionTopic(Enum):
 
 
 class Inline(NamedTuple):
-    """`APPEARANCE`, unless the option's own reader would take the value for the name of a file."""
+    """`APPEARANCE`, unless the option's reader would treat the value as a file name."""
 
-    known: tuple[str, ...] = ()  # words that are no files
+    known: tuple[str, ...] = ()  # words that do not name files
     rule: str = ""  # module and function that tells whether another text is a file; none: all are
 
     def names_file(self, text: str) -> bool:
@@ -76,7 +76,7 @@ NOTHING = (None, (), "", inspect.Parameter.empty)
 
 # Beginnings of help texts.
 SIZE = "Size in px: 400 for a square, 640x480 for width and height."
-USUAL_SIZE = "640x480"  # of pictures and films that have no size of their own
+USUAL_SIZE = "640x480"  # of pictures and films without a given size
 SQUARE = f"{SIZE} A volume fits a square from all sides; published times are for 400."
 CALIBRATED = (
     "Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml file of OpenCV's "
@@ -95,7 +95,7 @@ HEADINGS = (  # in the order of the help
 
 
 def described(argument: "Argument") -> tuple[str, str]:
-    """Help text of an argument, and its default in words; none for what is required or off."""
+    """Help text and default of an argument; no default if required or off."""
     text = " ".join((argument.parameter.help or "").split())
     stated = DEFAULT.search(text)
     if stated:
@@ -139,7 +139,7 @@ def marks_of(command: Callable[..., Any]) -> Marks:
 
 
 def model_in(kind: Any) -> "type[BaseModel] | None":
-    """Model whose fields are options; None if the argument is not such a model."""
+    """Model with options as fields; None if the argument is not such a model."""
     from pydantic import BaseModel
 
     inner = get_origin(kind) is Annotated and get_args(kind)[0]
@@ -164,7 +164,7 @@ def under(heading: str) -> Parameter:
 
 
 def viewpoint(camera: str, fov: float, up: "UpAxis") -> "Viewpoint":
-    """Read a viewpoint; only one that is no angles loads the readers of camera files."""
+    """Read a viewpoint; loads the readers of camera files unless it is angles."""
     tell_radians(fov)
     from resample.cameras.viewpoints import orbit_of
 
@@ -177,7 +177,7 @@ def viewpoint(camera: str, fov: float, up: "UpAxis") -> "Viewpoint":
 
 
 def tell_radians(fov: float | None) -> None:
-    """Say that a field of view may be in radians."""
+    """Warn that a field of view may be in radians."""
     if fov is not None and 0.3 < fov < 3.15:
         note(f"the field of view is {fov:g} degrees; if radians are meant, give {fov * 57.296:.4g}")
 
@@ -250,7 +250,7 @@ Up = Annotated[
     Hyphen,
     under(CAMERA),
     Parameter(
-        help="Axis that points up; z, but y for meshes (as in glTF and OBJ), and that of the file "
+        help="Axis that points up; z, but y for meshes (as in glTF and OBJ), and the file's "
         "for 3D Gaussians."
     ),
 ]
@@ -267,7 +267,7 @@ Steady = Annotated[
 
 
 def check_intrinsics(name: str, text: str) -> None:
-    """Refuse anything but numbers for `with_intrinsics` or a camera file."""
+    """Reject anything but numbers for `with_intrinsics` or a camera file."""
     with_intrinsics(name, text, "corner")
 
 

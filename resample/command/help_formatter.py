@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 BRIEF = "-h"
 LINES, COLUMNS = 15, 80  # at most
 MOST_OPTIONS = 6
-LONGEST = 24  # characters of a default, where there is no room for more
+LONGEST = 24  # characters of a default in narrow columns
 MORE = "show all options, by task, with their defaults"
 
 
 class CommandLine(App):
-    """Commands whose `-h` is brief, and whose `--help` names the default of each option."""
+    """Commands with a brief `-h` and a `--help` that names each default."""
 
     first: str = ""  # options that brief help shows, the most needed first
 
@@ -56,7 +56,7 @@ class CommandLine(App):
         return show, inspect.signature(show).bind(), {}
 
     def assemble_argument_collection(self, **rules: Any) -> "ArgumentCollection":
-        """Collect the arguments of a command; for the help each states its default."""
+        """Collect the arguments of a command; with help, each states its default."""
         found = super().assemble_argument_collection(**rules)
         for argument in found if rules.get("parse_docstring") else ():
             text, default = described(argument)
@@ -66,7 +66,7 @@ class CommandLine(App):
 
 
 class Asked(NamedTuple):
-    """A command that help is asked for."""
+    """A request for a command's help."""
 
     root: App
     name: str  # with its application, as in resample-volume render
@@ -74,7 +74,7 @@ class Asked(NamedTuple):
 
 
 def asked_for(root: App, words: Sequence[str]) -> Asked | None:
-    """Command that a command line names, where it is now; None if there is none of that name."""
+    """Command that a command line names, in its package; None if unknown."""
     found = Asked(root, root.name[0], root)
     for word in words:
         if word.startswith("-"):
@@ -124,7 +124,7 @@ def examples_in(text: str) -> list[str]:
 
 
 def _opening(asked: Asked, text: str, usage: str) -> list[str]:
-    """Return what a command does, its usage and its examples."""
+    """Return a command's description, usage and examples."""
     summary = " ".join(text.partition("\n\n")[0].split())
     lines = [*wrap(summary, COLUMNS), ""]
     lines += wrap(f"Usage: {asked.name} {usage}", COLUMNS, subsequent_indent=" " * 7)
@@ -133,7 +133,7 @@ def _opening(asked: Asked, text: str, usage: str) -> list[str]:
 
 
 def _most_needed(arguments: dict[str, "Argument"], root: App) -> Iterator["Argument"]:
-    """Yield options: those that are required, those that are needed first, then all others."""
+    """Yield options: required ones, the most needed ones, then all others."""
     options = {name: one for name, one in arguments.items() if name.startswith("--")}
     required = [name for name, one in options.items() if one.required]
     first = [f"--{name}" for name in ("output", *getattr(root, "first", "").split())]
@@ -171,7 +171,7 @@ def _table(arguments: Sequence["Argument"], summary: str) -> list[str]:
 
 
 class AddedCommand(CommandSpec):
-    """A command of another package, which help lists without a search for packages."""
+    """A command of another package, listed in the help without a search for packages."""
 
     def resolve(self, parent_app: App) -> App:
         """Find the command's function, and add the options that all commands have.

@@ -1,4 +1,4 @@
-"""A run of a command: reports errors in a line, times stages, shows progress, checks memory."""
+"""Session of a command: one-line errors, timed stages, progress, memory checks."""
 
 import sys
 import time
@@ -28,7 +28,7 @@ AS_FLOATS = 10  # bytes per value of a picture that is written as it is
 def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command line and end the process.
 
-    `arguments`: of the command line; None takes those of the process.
+    `arguments`: of the command line; None takes the process's.
     """
     from cyclopts import CycloptsError
 
@@ -99,7 +99,7 @@ class Session:
     """Timed stages of a run; messages for the user go to stderr."""
 
     seconds: dict[str, float] = field(default_factory=dict)
-    is_quiet: bool = False  # stages have no bars, as within that of a film
+    is_quiet: bool = False  # stages have no bars, as within a film's
 
     @contextmanager
     def stage(self, name: str, bar: str | None = None) -> Iterator[Progress | None]:

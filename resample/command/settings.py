@@ -124,7 +124,7 @@ def options_of(command: App) -> dict[str, Argument]:
 
 
 def schema_of(name: str, command: App) -> dict[str, Any]:
-    """JSON schema of a command's settings; entries with `about` = `look` may be in any file."""
+    """JSON schema of a command's settings; any file may set entries with `about` = `look`."""
     properties: dict[str, Any] = {COMMAND: {"const": name}}
     assert command.default_command is not None
     marks = marks_of(command.default_command)
@@ -188,7 +188,7 @@ def read_settings(
                 adapter.validate_json(json.dumps(value, default=_refuse_time), strict=True)
     if left_out:
         instead = "" if is_picture else ", or trust your own file by --settings-trusted"
-        why = "as settings only say how a picture looks, not what is read, written, used or trusted"
+        why = "as settings only set a picture's look, not inputs, outputs, resources or trust"
         remedy = f"give these on the command line{instead}"
         LOG.warning("%s: %s left out, %s; %s", path, ", ".join(left_out), why, remedy)
     return content
@@ -282,12 +282,12 @@ def keeping_settings(name: str, command: Command) -> Command:
         with replacing(save_settings) as temporary:
             temporary.write_bytes(text.encode())
         if read := [key for key in chosen if about(marks[key], chosen[key]) is OptionTopic.SOURCE]:
-            why = "not kept, as settings do not say what is read; give these again"
+            why = "not saved, as settings do not name inputs; give these again"
             LOG.warning("%s: %s %s", save_settings, ", ".join(read), why)
         return result
 
     _sign(run, command, signature)
-    vars(run)["called"] = name  # of the program that has the command, whose package may be another
+    vars(run)["called"] = name  # of the program with the command; its package may be another
     return run
 
 
@@ -396,14 +396,14 @@ Attenuation = Annotated[
     Field(
         ge=0,
         allow_inf_nan=False,
-        description="How much a voxel of the brightest value dims what is behind it, of the "
+        description="How much a voxel of the brightest value dims voxels behind it, of the "
         "projection attenuated.",
     ),
 ]
 
 
 def _choices_in(annotation: Any) -> tuple[Any, ...]:
-    """Return the values of a Literal, also of one that may be missing; else nothing."""
+    """Return the values of a Literal or an optional one; empty for other types."""
     parts = get_args(annotation)
     if all(isinstance(part, str | int) for part in parts):
         return parts
@@ -416,7 +416,7 @@ def number(given: object) -> object:
 
 
 def no_share(given: object) -> object:
-    """Tell how opaque voxels are made, where a share is given for a way to sum samples."""
+    """Explain how to set opacity, if a share is given instead of a way to sum samples."""
     if str(given)[:1] in "0123456789.":
         raise ValueError("transfer gray:opacity=0.2 says how opaque voxels are")
     return given
@@ -434,7 +434,7 @@ class Choices(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _understood(cls, given: Any) -> Any:
-        """Return the options with choices by their names here, where others' are given."""
+        """Return the options with other libraries' names of choices translated."""
         if not isinstance(given, dict):
             return given
         known = {}
@@ -448,12 +448,12 @@ class Choices(BaseModel):
 
     @classmethod
     def usual(cls) -> Self:
-        """Choices with all defaults, without validation, which would have to be built."""
+        """Choices with all defaults, without validation, which takes time to build."""
         return cls.model_construct()
 
 
 class Resampling(Choices):
-    """How samples become a picture."""
+    """Options of rendering samples."""
 
     heading: ClassVar[str] = "Method"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
@@ -622,7 +622,7 @@ class Sharing(Choices):
     )
     scheduler: Annotated[str | None, OptionTopic.TARGET] = Field(
         default=None,
-        description="Address of a dask scheduler whose workers do the work, such as "
+        description="Address of a dask scheduler with workers for the work, such as "
         "tcp://10.0.0.1:8786; they must see the same files under the same names.",
     )
 
@@ -662,7 +662,7 @@ class Written(Choices):
     background: Background = None
     bits: Annotated[Literal[8, 16, 32] | None, BeforeValidator(number)] = Field(
         default=None,
-        description="Bits per channel: PNG 8 or 16, TIFF also 32. [default: those of the source]",
+        description="Bits per channel: PNG 8 or 16, TIFF also 32. [default: as in the source]",
     )
 
     profile: Literal["keep", "srgb"] = Field(
@@ -679,7 +679,7 @@ class Written(Choices):
     def options(self) -> "WriteOptions":
         """Options of the picture writer.
 
-        Raises ValueError: the background is not a color, or the quality is none.
+        Raises ValueError: the background is not a color, or the quality is unknown.
         """
         from resample.files.formats import NO_LOSS, WriteOptions
 
@@ -700,10 +700,10 @@ def option_of(model: type[Choices], field: str) -> str:
 def chosen(settings: Mapping[str, Any], models: Sequence[type[Choices]]) -> list[Any]:
     """Create models of options from settings by the options' names.
 
-    Values may be those of the command line, or Python's: several numbers as a sequence, a path, one
-    of what may be given repeatedly without a list.
+    Values are as on the command line, or Python's: several numbers as a sequence, a path, one
+    value of a repeatable option without a list.
 
-    Raises TypeError: there is no such option; it says which are alike. Raises ValueError: a value
+    Raises TypeError: the option is unknown; it names similar ones. Raises ValueError: a value
     is not allowed.
     """
     parts: list[dict[str, Any]] = [{} for _ in models]

@@ -1,4 +1,4 @@
-"""Stop a command by a signal at any moment of its life.
+"""Handle signals during all stages of a command.
 
 A signal raises an exception in the main thread, as Python does for Ctrl-C, so that files being
 written are cleaned up. This module adds five things. SIGTERM is handled too. Signals are caught
@@ -6,7 +6,7 @@ while modules are imported. Where Python cannot raise an exception (in a finaliz
 library, or while a C++ library is loaded) it is raised a little later. After the command has ended,
 signals have no effect. And Python waits at most `AT_LAST` for threads that do not end.
 
-It also limits the thread pools of libraries to what `--threads` allows, before they are loaded.
+It also limits libraries' thread pools to `--threads`, before the libraries are loaded.
 """
 
 import gc
@@ -40,7 +40,7 @@ OPENEXR = "OPENIMAGEIO_OPTIONS"  # sets the size of OpenEXR's pool, among others
 
 
 class StoppedError(SystemExit):
-    """A signal told the process to stop.
+    """A signal stopped the process.
 
     Not a KeyboardInterrupt: once one has passed through code given as text, Python ends the process
     by the signal, even if the exception was handled.

@@ -1,4 +1,4 @@
-"""Say in one line what is wrong with a command line, and what to do about it."""
+"""Explain usage errors and their remedies in one line."""
 
 import re
 import sys
@@ -30,7 +30,7 @@ GONE = ": there is no such file"
 
 
 def explained(error: BaseException, words: Sequence[str] = ()) -> str:
-    """Describe an error of a command in one line, with what to do where that is known.
+    """Describe a command's error in one line, with the remedy if known.
 
     `words`: of the command line. A missing file is told before all else.
     """
@@ -118,7 +118,7 @@ def _missing_input(inputs: Sequence[str], *, has_output: bool) -> str:
 
 
 def with_own_pip(text: str) -> str:
-    """Name the pip of the running Python in a text, where the one on the PATH is another's."""
+    """Name the running Python's pip in a text, if the PATH's belongs to another Python."""
     python, found = Path(sys.executable), which("pip")
     if not python.name or (found and Path(found).parent == python.parent):
         return text
@@ -128,7 +128,7 @@ def with_own_pip(text: str) -> str:
 
 
 def meant(given: str, known: Collection[str]) -> str | None:
-    """Name of the option that a user means by another name; None if nothing is like it.
+    """Name of the option that a user means by another name; None if none is similar.
 
     Examples
     --------
@@ -141,7 +141,7 @@ def meant(given: str, known: Collection[str]) -> str | None:
 
 
 def _remedy(error: FileNotFoundError) -> str:
-    """Return what to do about a missing file, to be appended to what is wrong."""
+    """Return the remedy for a missing file, to be appended to the message."""
     text = str(error)
     name = error.filename or (text.partition(GONE)[0] if GONE in text else "")
     if not isinstance(name, str) or not name:
@@ -167,7 +167,7 @@ def _of_too_many(error: UnusedCliTokensError) -> str:
 
 
 def _command(error: CycloptsError) -> str:
-    """Name of the command that was called, as users write it."""
+    """Name of the called command, as users write it."""
     if called := getattr(error.target, "called", ""):
         return str(called)
     package = getattr(error.target, "__module__", "resample").partition(".")[0]

@@ -28,7 +28,7 @@ StartWorkers = Callable[[], WorkerPool | None]
 
 @contextmanager
 def at_work(sharing: Sharing, threads: int | None = None) -> Iterator[WorkerPool | None]:
-    """Workers the user asked for, until the end of the block; None if none were asked for.
+    """The requested workers, until the end of the block; None if none were requested.
 
     Parameters and errors as in `worker_pools`.
     """
@@ -87,7 +87,7 @@ def check_sharing(sharing: Sharing) -> None:
 
 
 def share_memory(sharing: Sharing) -> None:
-    """Leave their shares of `--memory` to local workers, from now on."""
+    """Reserve local workers' shares of `--memory`, from now on."""
     allowed = ALLOWED.get()
     if allowed is not None and sharing.workers:
         allow(allowed // (1 + sharing.workers))

@@ -44,7 +44,7 @@ def open_streams() -> None:
 
 
 def give_up(stream: TextIO | None) -> None:
-    """Discard what is still buffered for a stream that nobody reads."""
+    """Drop output buffered for a closed pipe."""
     with suppress(OSError, ValueError, AttributeError):
         _lead_nowhere(stream.fileno())  # type: ignore[union-attr]
 
@@ -81,7 +81,7 @@ def say(text: str) -> None:
 
 
 def note(text: str) -> None:
-    """Print a line, in a command once and at its end, if it succeeds."""
+    """Print a line, in a command once and at its end if it succeeds."""
     notes = _notes.get()
     if notes is None:
         say(text)
@@ -99,7 +99,7 @@ def say_notes() -> None:
 
 
 def say_of(path: Path, text: str) -> None:
-    """Print one line about a file, or nothing if the same was said of another in its folder."""
+    """Print one line about a file, unless it was printed for another in its folder."""
     first = _first_of(path.absolute().parent, text)
     if first.setdefault("name", path.name) == path.name:
         say(f"{path.name}: {text}")
@@ -107,7 +107,7 @@ def say_of(path: Path, text: str) -> None:
 
 @lru_cache(1 << 10)
 def _first_of(folder: Path, text: str) -> dict[str, str]:  # noqa: ARG001 - the key
-    """Name of the file of a folder of which something is said; empty at first."""
+    """Name of the folder's file that messages are about; empty at first."""
     return {}
 
 
@@ -162,7 +162,7 @@ def background_in(suffix: str, name: str | None, own: str = "none") -> Color | N
     """Linear color behind a picture in a file with this suffix; None: transparent.
 
     The rule of all commands: `name` if it is given; JPEG and films, which are opaque, show black;
-    other files are transparent, unless the pictures have a background of their own: `own`.
+    other files are transparent, unless the pictures have their own background: `own`.
     """
     if suffix.lower() in (".jpg", ".jpeg"):
         own = "black"

@@ -1,7 +1,7 @@
 """Bundles of numbers and arrays as rows of words, so that one kernel takes any number of them.
 
-A word has 64 bits. A number takes one, and an array its address and its lengths: what is in it
-stays where it is. Bundles of one type have rows of one length.
+A word has 64 bits. A number takes one, and an array its address and lengths; its elements
+stay where they are. Bundles of one type have rows of one length.
 """
 
 import ctypes
@@ -18,14 +18,14 @@ T = TypeVar("T")
 
 
 def rows_of(bundles: Sequence[T]) -> tuple[Words, list[Any]]:
-    """Words (K, W) of bundles like the first, and what has to stay in memory for them."""
+    """Words (K, W) of bundles like the first, and the objects that must outlive them."""
     kept: list[Any] = []
     rows = [_words_of(bundle, bundles[0], kept) for bundle in bundles]
     return np.array(rows, np.int64), kept
 
 
 def _words_of(value: Any, like: Any, kept: list[Any]) -> list[int]:
-    """Words of a value, as those of another one are laid out."""
+    """Words of a value, in the layout of another value."""
     if isinstance(like, tuple):
         pairs = zip(value, like, strict=True)
         return [word for pair in pairs for word in _words_of(*pair, kept)]
@@ -44,7 +44,7 @@ def loaded(row: Words, like: T) -> T:
 
 
 def _value_at(row: Words, at: int, like: Any) -> tuple[Any, int]:
-    """Value whose words begin at a place, and the place after them."""
+    """Value unpacked from the words at a place, and the place after them."""
     if isinstance(like, tuple):
         parts = []
         for one in like:

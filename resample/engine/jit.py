@@ -48,7 +48,7 @@ _compiler: list[ModuleType] = []
 
 
 def compiler() -> ModuleType:
-    """The module that knows numba, which has been told of all kernels and roles."""
+    """The module `compiling`, with all kernels and roles declared to numba."""
     with _registering:
         if not _compiler:
             from resample.engine.compiled import compiling
@@ -71,7 +71,7 @@ def when_compiling(register: Callable[[], None]) -> Callable[[], None]:
 def _compile(
     function: Callable[P, R], *, is_packed: bool = False, **options: Any
 ) -> Callable[P, R]:
-    """Make a function that runs as machine code when Python calls it, and that kernels can call."""
+    """Make a function that runs as machine code from Python, and that kernels can call."""
     if IS_PLAIN:
         return function
     ready = library.kernel(function)
@@ -98,7 +98,7 @@ def _compile(
 
 
 def dispatcher(called: Callable[..., Any]) -> Any:
-    """What numba made of a kernel: its `Dispatcher`, with signatures and statistics."""
+    """A kernel's `Dispatcher` of numba, with signatures and statistics."""
     return called.made()[0]  # type: ignore[attr-defined]
 
 
@@ -108,44 +108,44 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def making_kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """A kernel that makes arrays for itself, and may be called by those that make none."""
+    """A kernel that allocates arrays, and may be called by kernels that allocate none."""
     return _compile(function, _nrt=True)
 
 
 def lane_kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function whose innermost loop works on several numbers at once.
+    """Compile a function with an innermost loop that is vectorized.
 
     A product and a sum may be one operation, which rounds once, and zeros have no sign. Loops
-    become lanes where what is written lies at fixed distances from all else in one array, and no
+    become lanes where results lie at fixed distances from all else in one array, and no
     index needs a look at its sign.
     """
     return _compile(function, fastmath=LANES)
 
 
 def inner_kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function of arrays that makes none and gives none, to be called by other kernels.
+    """Compile a function that neither allocates nor returns arrays, called by other kernels.
 
     It counts no references, as its caller holds all arrays: bundles of many are then handed over
-    for nothing. A kernel that needs memory of its own cannot be compiled so.
+    for nothing. A kernel that allocates memory cannot be compiled so.
     """
     return _compile(function, _nrt=False)
 
 
 def lane_step(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a loop of lanes that a lane kernel runs time and again, as a part of that kernel."""
+    """Compile a loop of lanes that a lane kernel repeats, inlined into the kernel."""
     return _compile(function, fastmath=LANES, forceinline=True)
 
 
 def inner_step(function: Callable[P, R]) -> Callable[P, R]:
-    """An inner kernel that becomes a part of what calls it: no bundles are handed over.
+    """An inner kernel that is inlined into its callers: no bundles are handed over.
 
-    For what packed kernels do time and again.
+    For steps that packed kernels repeat.
     """
     return _compile(function, fastmath=LANES, forceinline=True, _nrt=False)
 
 
 def parallel_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callable[P, None]:
-    """Compile a function that all threads run at once, each with other `tasks`.
+    """Compile a function that all threads run at once, each with its own `tasks`.
 
     Its first argument counts the tasks that are taken; callers leave it out.
     """
@@ -153,7 +153,7 @@ def parallel_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callab
 
 
 def packed_kernel(function: Callable[Concatenate[Counter, P], None]) -> Callable[P, None]:
-    """A parallel kernel in which equal operations on neighbouring numbers become one.
+    """A parallel kernel with vectorized operations on neighbouring numbers.
 
     For code that does the same to a few numbers that lie side by side, too few for loops of lanes.
     """
@@ -196,7 +196,7 @@ def _on_all_threads(
 
 @contextmanager
 def _stopping(started: list[Future[None]], counter: Counter) -> Iterator[None]:
-    """Leave threads no tasks if something is raised."""
+    """Take all tasks from threads on an exception."""
     try:
         yield
     except BaseException:
@@ -209,7 +209,7 @@ def _stopping(started: list[Future[None]], counter: Counter) -> Iterator[None]:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Threads that wait for tasks; a forked process, which has none of them, gets its own."""
+    """Threads that wait for tasks; a forked process gets its own."""
     return ThreadPoolExecutor(CORES, "resample")
 
 
@@ -228,13 +228,13 @@ def tasks(counter: Counter, count: int) -> Iterator[int]:
 
 
 def next_task(counter: Counter) -> int:
-    """How many tasks had been taken, of which this is one more; atomic where it is compiled."""
+    """Take a task; how many had been taken before. Atomic where it is compiled."""
     counter[0] += 1
     return int(counter[0]) - 1
 
 
 def load_soon(array: NDArray[Any], index: int) -> None:
-    """Begin to load what is around a number of a flat array; changes nothing but time."""
+    """Prefetch the surroundings of a number of a flat array; changes only the time."""
 
 
 when_compiling(lambda: _compiler[0].define_instructions(next_task, load_soon))
@@ -244,7 +244,7 @@ _limit: ContextVar[int | None] = ContextVar("limit", default=None)
 
 
 def workers() -> int:
-    """How many threads a parallel kernel runs on now; plain Python has no atomic counter."""
+    """Current number of threads of parallel kernels; plain Python has no atomic counter."""
     most = 1 if IS_PLAIN else CORES
     limit = _limit.get()
     return int(most if limit is None else max(1, min(limit, most)))

@@ -20,7 +20,7 @@ class ShortOrLong(NamedTuple):
 
 
 def levels_of(given: NDArray[Any]) -> ShortOrLong:
-    """Put levels (N,) of either type into one bundle, which one kernel takes."""
+    """Put levels (N,) of either type into one bundle for one kernel."""
     if given.dtype == np.uint8:
         return ShortOrLong(given, np.empty(0, np.uint16))
     return ShortOrLong(np.empty(0, np.uint8), given)
@@ -61,7 +61,7 @@ def put_encoded(
     """Quantize float32 values (N,), given by their bits, to levels (N,) with any bounds.
 
     `bounds`: bits of the least value above each level, (256,). `starts`: the level of values by
-    their leading 16 bits, of which each holds one bound at most.
+    their leading 16 bits; each bin holds one bound at most.
     """
     for n in tasks(counter, -(-levels.size // STRETCH)):
         for k in range(n * STRETCH, min((n + 1) * STRETCH, levels.size)):

@@ -1,4 +1,4 @@
-"""Surfaces over pixels: elliptical stamps, what is in front, and sub-pixels to pixels."""
+"""Surfaces over pixels: elliptical stamps, visibility, and sub-pixels to pixels."""
 
 import math
 from typing import Any, NamedTuple
@@ -20,8 +20,8 @@ from resample.types import Doubles, Floats, Single, Tiles
 RIM = 11.0  # 3.3 standard deviations; 0.4 % of a Gaussian's mass lies beyond
 UNIT = 1.0 / (2.0 * math.pi * (1.0 - math.exp(-0.5 * RIM)))  # peak that gives V = I the mass 1
 
-# Rows of a line of splats: places of their centers, px; how far they reach, px; slope and curve as
-# of an `Ellipse`, 1 / V_yy; and their peaks. What has no peak leaves no stamp; MASS is for callers.
+# Rows of a line of splats: centers, px; how far they reach, px; slope and curve as in
+# an `Ellipse`, 1 / V_yy; and their peaks. Without a peak there is no stamp; MASS is for callers.
 X, Y, WIDE, HIGH, SLOPE, CURVE, REST, PEAK, MASS = range(9)
 ROWS = 9
 
@@ -91,13 +91,13 @@ class Ground(NamedTuple):
 
 @kernel
 def _first_pixel(bound: Single) -> int:
-    """First pixel whose center is not before a bound."""
+    """First pixel with its center not before a bound."""
     return math.ceil(float(max(bound - np.float32(0.5), np.float32(0))))
 
 
 @kernel
 def _last_pixel(bound: Single, size: int) -> int:
-    """One past the last of `size` pixels whose center is not after a bound."""
+    """One past the last of `size` pixels with its center not after a bound."""
     return math.floor(float(min(bound + np.float32(0.5), np.float32(size))))
 
 
@@ -105,7 +105,7 @@ def _last_pixel(bound: Single, size: int) -> int:
 def _weigh(
     weight: Floats, count: int, width: int, x: Single, y: Single, line: Floats, splat: int
 ) -> None:
-    """Weights of the `count` pixels of a stamp whose first center is at (x, y) from a splat's."""
+    """Weights of a stamp's `count` pixels; the first center is at (x, y) from the splat's."""
     scale = np.float32(1.0 / 32.0)
     slope, peak = line[SLOPE, splat], line[PEAK, splat]
     curve, rest = line[CURVE, splat] * scale, line[REST, splat] * scale
@@ -179,8 +179,8 @@ def _columns(line: Floats, n: int, dy: Single, rows: int, left: int, right: int)
 def add_splats(ground: Ground, values: Floats, line: Floats, count: int, weight: Floats) -> None:
     """Add a line of splats to pixels.
 
-    `values`: (1 or 3, N). `line`: (ROWS, N) of which `count` are added. `weight`: (SIDE²,) of
-    numbers to work with.
+    `values`: (1 or 3, N). `line`: (ROWS, N); the first `count` are added. `weight`: (SIDE²,)
+    scratch numbers.
     """
     sums, start, width, height = ground
     lanes = values.shape[0] + 1
@@ -209,13 +209,13 @@ FULL: Single = np.float32(1 - 1e-3)  # coverage beyond which nothing shows throu
 
 # Lanes of the surface at hand: three weighted channels, weight, weighted nearness and coverage.
 WEIGHT, NEAR, COVER = 3, 4, 5
-# Lanes of what is seen: three channels, coverage, coverage × depth, nearness of the first surface.
+# Lanes of a surface: three channels, coverage, coverage × depth, nearness of the first surface.
 DEPTH, FIRST = 4, 5
 LANES = 6
 
 
 class Surfaces(NamedTuple):
-    """How many surfaces show one behind the other, and on how many sub-pixels."""
+    """Number of surfaces behind each other, and of sub-pixels."""
 
     most: int  # surfaces
     subpixels: int  # per side of a pixel
@@ -237,7 +237,7 @@ class Block(NamedTuple):
 
 @kernel
 def new_block(tile: int, tiles: Tiles, size: tuple[int, int], surfaces: Surfaces) -> Block:
-    """An empty tile of a frame (height, width), without what lies beyond."""
+    """An empty tile of a frame (height, width), cut at the frame."""
     row, column = divmod(int(np.int64(tile)), tiles.columns)
     left, top, fine = column * tiles.size, row * tiles.size, surfaces.subpixels
     rows, columns = min(tiles.size, size[0] - top) * fine, min(tiles.size, size[1] - left) * fine
@@ -256,13 +256,13 @@ def new_block(tile: int, tiles: Tiles, size: tuple[int, int], surfaces: Surfaces
 
 @kernel
 def whole_within(value: float, least: int, most: int) -> int:
-    """Whole number below a value, kept within bounds, whatever the value."""
+    """Whole number below a value, clamped to bounds, for any value."""
     return math.floor(max(float(least), min(float(most), value)))
 
 
 @kernel
 def row_shift(row: int, subpixels: int) -> float:
-    """How far a row of sub-pixels is moved to the right, sub-pixels.
+    """Shift of a row of sub-pixels to the right, sub-pixels.
 
     So upright edges pass the samples of a pixel one by one and not by columns.
     """
@@ -271,7 +271,7 @@ def row_shift(row: int, subpixels: int) -> float:
 
 @kernel
 def first_used(block: Block, row: int, column: int) -> int:
-    """First column from one on that is used; few of a pixel are the corners of a turned square."""
+    """First used column from a given one on; few per pixel are the corners of a rotated square."""
     step = block.step[0]
     if step == 1:
         return column
@@ -281,7 +281,7 @@ def first_used(block: Block, row: int, column: int) -> int:
 
 @kernel
 def put_behind(block: Block, surface: int, surfaces: Surfaces) -> bool:
-    """Put the surface at hand behind those before; gives whether another may show through."""
+    """Composite the current surface behind the others; return whether more may show through."""
     floor, limit, sums, seen, box = block.floor, block.limit, block.sums, block.visible, block.box
     rows, columns = floor.shape
     top, bottom, left, right = rows, -1, columns, -1
@@ -364,7 +364,7 @@ def resolve_rows(counter: Counter, fine: Floats, weight: Floats, n: int, picture
 
 
 def nearest_of_rows(depth: Floats, n: int, margin: int, nearest: Floats) -> None:
-    """Find the least depth (H, W) in each pixel's own square, of those of n² sub-pixels each.
+    """Find the least depth (H, W) of the n² sub-pixels in each pixel's own square.
 
     These lie around the picture for `margin` px, too.
     """
@@ -378,9 +378,9 @@ def middle_of_rows(
     counter: Counter, nearness: Floats, beside: Floats, n: int, middle: Floats,
     middle_beside: Floats,
 ) -> None:  # fmt: skip
-    """Find the surface that shows most in each pixel's own square: the middle one by nearness.
+    """Find the main surface in each pixel's own square: the median by nearness.
 
-    `nearness`, `beside`: (H n, W n) of sub-pixels, 0 where nothing is; and what else is known of
+    `nearness`, `beside`: (H n, W n) of sub-pixels, 0 where empty; and other quantities of
     them. `middle`, `middle_beside`: (H, W) filled: both of the middle sub-pixel among those where
     something is.
     """
@@ -403,7 +403,7 @@ def middle_of_rows(
             middle_beside[row, column] = other[count // 2] if is_any else np.float32(0)
 
 
-Members = Any  # a bundle of all that may be painted
+Members = Any  # a bundle of everything that may be painted
 Picture = Any  # a bundle that pixels are written to
 TileBlock = Any  # the sub-pixels of a tile; `sums` are what the surface at hand leaves there
 
@@ -412,7 +412,7 @@ TileBlock = Any  # the sub-pixels of a tile; `sums` are what the surface at hand
 def begun(
     members: Members, tiles: Tiles, tile: int, size: tuple[int, int], surfaces: Surfaces
 ) -> TileBlock:
-    """A tile that nothing has touched yet, of a frame (height, width)."""
+    """A new tile of a frame (height, width)."""
     raise NotImplementedError
 
 
@@ -435,13 +435,13 @@ def claim(members: Members, member: int, block: TileBlock) -> None:
 
 @called_role
 def add(members: Members, member: int, block: TileBlock) -> None:
-    """Add the color of a member where it belongs to the surface in front."""
+    """Add a member's color where it belongs to the front surface."""
     raise NotImplementedError
 
 
 @called_role
 def claimed(members: Members, tiles: Tiles, tile: int, block: TileBlock) -> None:
-    """Note what is to be known of a tile when its first surface is, before anything is added."""
+    """Prepare a tile when its first surface is known, before anything is added."""
     raise NotImplementedError
 
 
@@ -452,7 +452,7 @@ def _claimed(members: Members, tiles: Tiles, tile: int, block: TileBlock) -> Non
 
 @called_role
 def composed(members: Members, block: TileBlock, surface: int, surfaces: Surfaces) -> bool:
-    """Put the surface at hand behind those before; gives whether another may show through."""
+    """Composite the current surface behind the others; return whether more may show through."""
     raise NotImplementedError
 
 
@@ -468,7 +468,7 @@ def _composed(
 
 @making_role
 def write(picture: Picture, block: TileBlock) -> None:
-    """Write the pixels of a tile whose surfaces are all composed."""
+    """Write the pixels of a tile with all surfaces composed."""
     raise NotImplementedError
 
 
@@ -477,7 +477,7 @@ def paint_tile(
     members: Members, tiles: Tiles, tile: int, size: tuple[int, int], surfaces: Surfaces,
     picture: Picture,
 ) -> None:  # fmt: skip
-    """Paint one tile of a frame (height, width); one that nothing touches stays as it is."""
+    """Paint one tile of a frame (height, width); an empty one stays unchanged."""
     start, end = tiles.start[tile], tiles.start[tile + 1]
     if start == end:
         return

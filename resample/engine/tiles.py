@@ -62,7 +62,7 @@ def settle(run: Indices, looks: Floats) -> None:
 
 @kernel
 def _move(pair: Pairs, to: Pairs, low: np.uint64, shift: np.uint64, position: Indices) -> None:
-    """Counting sort by one digit; `position` is scratch of one more than the digit has values."""
+    """Counting sort by one digit; `position` is scratch, one longer than the digit's values."""
     mask = np.uint64(position.size - 2)
     # Count the values of the digit, and sum up to where each begins.
     for digit in range(position.size):
@@ -139,7 +139,7 @@ def member_of(pair: np.uint64) -> np.int64:
 
 @kernel
 def settle_ties(pair: Pairs, position: Floats, color: Floats, extinction: Floats) -> None:
-    """Put samples of equal keys in the order of what they look like, whatever order they came in.
+    """Order samples of equal keys by their appearance, whatever order they came in.
 
     `pair`: (N,) keys and indices, ascending. `position`, `color`, `extinction`: (N, 3), (N, 3) and
     (N,) of the samples.
@@ -174,7 +174,7 @@ Counts = NDArray[np.int64]
 def overlapping_tiles(
     low: float, high: float, margin: float, size: int, count: int
 ) -> tuple[int, int]:
-    """First and last tile along one axis whose pixels, with margin, overlap [low, high] px."""
+    """First and last tile along one axis with pixels, margin included, in [low, high] px."""
     # Clamp before converting to integers: bounds may be infinite.
     first = math.floor(max(-1.0, min(float(count), (low - margin) / size)))
     last = math.floor(max(-1.0, min(float(count), (high + margin) / size)))

@@ -52,7 +52,7 @@ def column(matrix: Matrix, c: int) -> Vector:
 # Conversions from arrays.
 @inner_kernel
 def vector_at(flat: Floats, n: np.uint64) -> Vector:
-    """The nth of many vectors, whose numbers are contiguous."""
+    """The nth of many vectors with contiguous numbers."""
     # Unsigned indices need no test for negative values.
     k = np.uint64(3) * n
     return float(flat[k]), float(flat[k + np.uint64(1)]), float(flat[k + np.uint64(2)])

@@ -129,7 +129,7 @@ def _frames(film: _Elsewhere) -> Frames:
 def made_by(
     crew: WorkerPool | None, shots: Shots, read: Callable[[int], Frames] | None
 ) -> tuple[Shots, Executor | None]:
-    """Frames as worker processes make them, each after loading its own data; and the executor.
+    """Frames made by worker processes, each after loading its own data; and the executor.
 
     Workers of this machine may use as much memory as this process. Without a crew frames are made
     here.
@@ -152,8 +152,8 @@ def write_film(
 ) -> None:
     """Write an animation in the format of its suffix, or into a folder.
 
-    `path`: target with a suffix in `FILMS`, or a folder, whose other files are kept. `shots`:
-    frames of one size. An interrupted run keeps those that are done, and says so. `fps`: frames per
+    `path`: target with a suffix in `FILMS`, or a folder; its other files are kept. `shots`:
+    frames of one size. An interrupted run keeps its finished frames, and says so. `fps`: frames per
     second; GIF rounds to 1/100 s, folders ignore it. `resume`: make only missing frames.
     `progress`: called with the fraction done after each new frame. `executor`: makes frames;
     processes need shots that pickle, and write frames themselves. Only this process claims and
@@ -210,7 +210,7 @@ def write_film(
 
 @contextmanager
 def alone(folder: Path, path: Path) -> Iterator[None]:
-    """Lock a folder against other processes that make frames, where there are locks."""
+    """Lock a folder against other processes that make frames, if the system has locks."""
     if os.name == "nt":  # where folders cannot be opened
         yield
         return

@@ -38,9 +38,9 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
     """Convert an argument to an array, with its values unchanged.
 
     `given`: an array of real numbers of any layout and byte order, masked, memory-mapped or lazy;
-    nested lists; the path or address of a picture; a Pillow image, whose palette becomes colors; a
-    SimpleITK image; an `xarray.DataArray` with rows along y and columns along x; or a result, whose
-    `image` or `rgba` is taken. Result: masked arrays stay masked. Arrays that need no conversion
+    nested lists; the path or address of a picture; a Pillow image (palettes become colors); a
+    SimpleITK image; an `xarray.DataArray` with rows along y and columns along x; or a result:
+    its `image` or `rgba`. Result: masked arrays stay masked. Arrays that need no conversion
     are not copied.
     """
     return picture_and_encoding(given, name)[0]
@@ -49,7 +49,7 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
 def picture_and_encoding(
     given: Any, name: str = "picture", kinds: str = "biuf"
 ) -> tuple[NDArray[Any], bool | None]:
-    """Do as `as_picture`, and tell whether its levels are sRGB-encoded, if a file says so.
+    """Return `as_picture`'s array, and whether its levels are sRGB-encoded, if a file says so.
 
     `kinds`: NumPy's letters of the kinds of values that are taken.
     """

@@ -28,7 +28,7 @@ READING = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
 HELD = ("aac", "ac3", "alac", "eac3", "flac", "mov_text", "mp3", "opus")
 LAYOUTS = {1: "mono", 2: "stereo", 6: "5.1", 8: "7.1"}  # of AAC, by channels; others are mixed
 RATES = (8000, 11025, 12000, 16000, 22050, 24000, 32000, 44100, 48000, 64000, 88200, 96000)
-# S before the first picture; coders of sound need what is just before it. Not in Matroska.
+# S before the first picture; sound codecs need the samples just before it. Not in Matroska.
 EARLIEST = -0.2
 FRAME_BYTES = 16  # bytes per pixel in memory: red, green, blue and alpha in float32
 MODES = {"top-bottom": 1, "left-right": 2}  # of st3d
@@ -179,7 +179,7 @@ def other_tracks(
 
 
 def _remade(packet: Any, track: Any, turned: Any, start: float) -> list[Any]:
-    """Packets for another film that begins at a time of its own, s; `turned` resamples sound."""
+    """Packets for another film with its own start time, s; `turned` resamples sound."""
     import av
 
     is_last = packet.dts is None
@@ -219,7 +219,7 @@ def film_picture(levels: NDArray[np.uint8] | NDArray[np.uint16], stream: Any) ->
 
 
 class StereoMarks(NamedTuple):
-    """What a player has to know of a film for two eyes.
+    """Stereo metadata of a film, for players.
 
     `st3d` says how the pictures of both eyes lie in a frame, `sv3d` which directions it shows
     ("Spherical Video V2 RFC", Google). FFmpeg's muxer writes them from side data that PyAV cannot

@@ -1,4 +1,4 @@
-"""What picture formats can store: options, and conversion of pictures to stored values."""
+"""Capabilities of picture formats: options, and conversion of pictures to stored values."""
 
 from functools import cache
 from pathlib import Path
@@ -17,7 +17,7 @@ from resample.types import Floats
 
 FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}  # of films
 SUFFIXES = (".png", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")
-BY_PILLOW = {".webp": "webp", ".avif": "avif"}  # its names of what it is built with
+BY_PILLOW = {".webp": "webp", ".avif": "avif"}  # its names of optional features
 QUALITY = {".jpg": 95, ".jpeg": 95, ".webp": 90, ".avif": 85}  # unless given
 NO_LOSS = "lossless"
 PHOTO = "; for a photo give --encoding srgb"
@@ -54,12 +54,12 @@ def check_output(path: Path, look: WriteOptions) -> None:
 
 
 def takes_alpha(path: Path, look: WriteOptions) -> bool:
-    """Whether a file has opacity, or a background in its place; in others nothing is black."""
+    """Whether a file has opacity, or a background in its place; in others gaps are black."""
     return look.background is not None or path.suffix.lower() not in (*JPEG, *FORMATS)
 
 
 def can_be_written(suffix: str) -> bool:
-    """Whether a format is one of `BY_PILLOW` that the installed Pillow has."""
+    """Whether a format is in `BY_PILLOW` and the installed Pillow writes it."""
     from PIL import features
 
     return suffix in BY_PILLOW and BY_PILLOW[suffix] in features.get_supported()
@@ -143,7 +143,7 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
 
 
 def as_srgb(picture: Picture) -> Picture:
-    """Convert the colors of a picture's ICC profile to those of sRGB.
+    """Convert the colors of a picture's ICC profile to sRGB.
 
     Raises ValueError: the picture says otherwise what its colors are, or its profile cannot be
     converted.
@@ -163,7 +163,7 @@ def as_srgb(picture: Picture) -> Picture:
 
 
 def tell_colors(path: Path, about: FileMetadata, *, is_guessed: bool) -> None:
-    """Say what a file cannot store of its source's colors, and what is assumed of them."""
+    """Report color information that a file cannot store, and the assumption made."""
     if about.assumed and is_guessed:
         say(f"{path.name}: its source's {about.assumed}{PHOTO * ('bits' in about.assumed)}")
     if about.colors:
@@ -173,7 +173,7 @@ def tell_colors(path: Path, about: FileMetadata, *, is_guessed: bool) -> None:
 def _with_colors(
     path: Path, picture: Picture, about: FileMetadata, *, is_same: bool
 ) -> FileMetadata:
-    """Metadata with what a file can store of the colors; `colors` is what it cannot."""
+    """Metadata with the color information a file can store; `colors` is the rest."""
     suffix, count = path.suffix.lower(), len(picture.kind.channels) - picture.kind.has_alpha
     colors = PROFILE_SPACES.get(about.profile[16:20], 0)
     is_held = is_same and suffix != ".exr" and colors == (3 if suffix in BY_PILLOW else count)
@@ -243,7 +243,7 @@ def levels(data: Floats, form: str, *, has_alpha: bool, is_light: bool) -> NDArr
     """Convert light to integer levels as pictures store them.
 
     `data`: (H, W, C) linear light, premultiplied; missing values become 0. `form`: unsigned type,
-    whose largest number stands for 1. `is_light`: encode all but opacity by the sRGB curve;
+    with the largest number for 1. `is_light`: encode all but opacity by the sRGB curve;
     otherwise values are stored linearly.
     """
     if not is_light:

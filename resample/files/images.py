@@ -1,4 +1,4 @@
-"""Picture files by OpenImageIO: read, and JPEG encoded in memory; nothing else in the core decodes.
+"""Picture files by OpenImageIO: the core's only decoder; and JPEG encoded in memory.
 
 In memory a picture is float32, linear light, premultiplied, (H, W, C), row 0 at the top. Files with
 straight alpha or sRGB-encoded color are converted here, in linear light.
@@ -145,7 +145,7 @@ def read_image(path: str | Path, page: int = 0, encoding: str = "auto") -> Float
 
     `path`: any format of OpenImageIO. Integers of 8 bits and files marked so are taken as sRGB,
     others as linear light; `encoding` as in `open_file`. The orientation tag is ignored. Result:
-    (H, W, C) with those of the channels R, G, B and A that exist; all channels if there is no R or
+    (H, W, C) with the existing ones of the channels R, G, B and A; all channels if there is no R or
     if there are unnamed bands.
     """
     file = open_file(path, page, encoding)
@@ -286,7 +286,7 @@ class PillowOutput:
 
 
 def _memory() -> int | None:
-    """Descriptor of a new in-memory file; None if there is no such thing."""
+    """Descriptor of a new in-memory file; None if the system has no such files."""
     if hasattr(os, "memfd_create"):
         with suppress(OSError):
             memory = os.memfd_create("jpeg")

@@ -132,7 +132,7 @@ def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
 
 @dataclass(frozen=True, eq=False)
 class LoadablePicture:
-    """A picture whose header has been read."""
+    """A picture after its header was read."""
 
     path: Place
     page: int
@@ -194,10 +194,10 @@ class LoadablePicture:
         return Picture(turned, kind, self.header.upright_about)
 
     def reduced(self, height: int, width: int) -> "tuple[Picture, Doubles] | None":
-        """A JPEG at 1/2, 1/4 or 1/8 of its size, at least as large as that; None if it is smaller.
+        """A JPEG at 1/2, 1/4 or 1/8 of its size, at least of a given size; None if it is smaller.
 
         libjpeg leaves finer waves out as it decodes, which takes a fraction of the time. Also
-        given: a matrix (3, 3) from its px to those of the whole.
+        given: a matrix (3, 3) from its px to the whole's.
         """
         from PIL import Image
 
@@ -270,7 +270,7 @@ class LoadablePicture:
         return file
 
     def tell_colors(self) -> None:
-        """Say which colors are lost, or assumed, where light alone is used."""
+        """Report color metadata that is lost, or assumed, if only light is used."""
         about = self.header.about
         lost = f"colors are taken for sRGB, not {about.colors}" if about.colors else ""
         for each in filter(None, (lost, about.assumed)):

@@ -173,13 +173,13 @@ def writing_rows(path: Path, height: int, look: WriteOptions) -> Iterator[Put]:
 
 
 def tell_empty(path: Path, is_empty: bool) -> None:
-    """Say that a picture or film shows nothing, if it does."""
+    """Warn if a picture or film is empty."""
     if is_empty:
         note(f"{path.name}: {EMPTY}")
 
 
 def tell_unchanged(path: Path, made: Picture, given: Picture, remedy: str) -> None:
-    """Say that a picture is the one that was given, if it is, and what to do about it."""
+    """Warn if a picture equals its input, with the remedy."""
     before, after = given.data, made.data
     if made.kind.has_alpha and not given.kind.has_alpha:
         is_opaque = after[..., -1].min() == after[..., -1].max()
@@ -326,7 +326,7 @@ _PixelPart = tuple[NDArray[np.int64], Floats]
 
 
 def between(front: Floats, shown: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what a slab holds (H, W, 4), from the picture up to its far plane.
+    """Return a slab's samples (H, W, 4), from the picture up to its far plane.
 
     `shown`: the picture up to its near plane, to which the slab is added.
 

@@ -98,7 +98,7 @@ class Frames(NamedTuple):
         )  # fmt: skip
 
     def tell_tracks(self, target: Path) -> None:
-        """Say that a target has no sound and subtitles, if the film has some."""
+        """Warn that a target drops the film's sound and subtitles, if any."""
         if self.has_tracks and target.suffix.lower() not in FORMATS:
             say(f"{self.path.name}: sound and subtitles are copied to {', '.join(FORMATS)} alone")
 
@@ -155,7 +155,7 @@ def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
 
 
 def write_frames(path: Path, pictures: Iterable[Picture], film: Frames, look: WriteOptions) -> None:
-    """Write pictures to one file, with the times of a film, and its sound where it has some.
+    """Write pictures to one file, with the times of a film, and its sound, if any.
 
     Films are opaque: black is behind them, unless there is another background.
     """
@@ -269,7 +269,7 @@ def _film_frames(path: Path, begin: float = 0.0) -> Iterator[Picture]:
             has_alpha = any(part.is_alpha for part in frame.format.components)
             is_deep = not has_alpha and any(part.bits > 8 for part in frame.format.components)
             form = "rgba" if has_alpha else "rgb48le" if is_deep else "rgb24"
-            # Large frames that do not state their color coding use that of HDTV.
+            # Large frames that do not state their color coding use HDTV's.
             coding: Any = Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601
             coding = int(frame.colorspace) if int(frame.colorspace) in known else coding
             levels = frame.to_ndarray(format=form, src_colorspace=coding)
@@ -468,7 +468,7 @@ def _is_pattern(path: Path) -> bool:
 
 
 def _name(source: Place, pattern: str | None) -> str:
-    """Name of a result: by a pattern, or that of its source if its format can be written."""
+    """Name of a result: by a pattern, or its source's if the format can be written."""
     if pattern is not None:
         return pattern.replace("*", Path(source.name).stem)
     suffix = source.suffix.lower()

@@ -1,4 +1,4 @@
-"""Addresses of zarr stores, local and remote, and how stores are known from other files.
+"""Addresses of zarr stores, local and remote, and their detection.
 
 They are given on the command line or in a program, never by a file. Keys, regions and endpoints
 come from the environment, as in obstore: `AWS_ACCESS_KEY_ID`, `AWS_ENDPOINT`,
@@ -112,7 +112,7 @@ class StoredPicture(Protocol):
         """Bits of a value: 8, 16, or 32 for floats."""
 
     def strips(self, seen: Part | None = None) -> Iterator[NDArray[Any]]:
-        """Read all rows (N, W, C), or those of a part, from the top."""
+        """Read all rows (N, W, C), or a part's, from the top."""
 
     def levels(self, seen: Part | None = None) -> NDArray[Any]:
         """Read all rows (H, W, C); with `seen`, only that part is defined."""

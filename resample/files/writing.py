@@ -65,7 +65,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
                 try:  # a full disk may be reported only then
                     os.fsync(file.fileno())
                 except OSError as error:
-                    if error.errno in (*NO_SPACE, errno.EIO):  # others: there is no such thing
+                    if error.errno in (*NO_SPACE, errno.EIO):  # others: not supported
                         raise
             temporary.replace(target)
         except OSError as error:
@@ -122,7 +122,7 @@ class _Plain(io.FileIO):
     """File without a descriptor, so that all writes go through Python."""
 
     def fileno(self) -> int:
-        raise io.UnsupportedOperation("what is written goes through Python")
+        raise io.UnsupportedOperation("bytes are written through Python")
 
 
 def save_array(path: Path, values: "ArrayLike") -> None:

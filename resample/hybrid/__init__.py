@@ -10,7 +10,7 @@ Each file is one idea, named after the paper's; read them in this order:
     correction.py   section 4.2   the ray's distance d from the index i and the cone's angle alpha
     voxels.py       section 4     voxels on the screen, in the space where kernels are spheres
     splats.py       section 4.2   scan conversion of an ellipse
-    roles.py        what a blend does with what a pixel gets
+    roles.py        blending: what a pixel does with samples
     blend.py        sections 3, 4.1: sum | nearest surface | over
     occlusion.py    section 6     blocks of pixels that are opaque
     paint.py        one painter for all of it, tile by tile

@@ -1,4 +1,4 @@
-"""What becomes of all that a pixel gets: sum, nearest surface or over."""
+"""Blending: sum, nearest surface or over."""
 
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ class WeightedSum(NamedTuple):
 
 
 def mean_of(blend: WeightedSum, is_inner: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Image, multiplied by its coverage, and coverage (H, W): 1 in pixels that see samples alone.
+    """Image, multiplied by its coverage, and coverage (H, W): 1 in pixels full of samples.
 
     Elsewhere the weight is the coverage, as long as it is no more than 1.
     """
@@ -64,7 +64,7 @@ ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
 class SurfaceRule(NamedTuple):
-    """When two samples are on one surface."""
+    """Criteria for two samples on one surface."""
 
     close: np.float32  # part of the nearness that they may differ by, whatever else is known
     loose: np.float32  # likewise, if no boundary lies between them
@@ -101,7 +101,7 @@ def _open_everywhere(blend, row, column):  # type: ignore[no-untyped-def]  # noq
 
 
 class SamplePlane(NamedTuple):
-    """The plane around a sample, as it is compared."""
+    """The plane around a sample, for comparisons."""
 
     x: Single  # px, where the sample is
     y: Single
@@ -147,7 +147,7 @@ def _nearness_at(sample: SamplePlane, row: np.uint64, column: np.uint64) -> Sing
 def _is_same_surface(
     blend: NearestSurface, n: np.uint64, row: np.uint64, column: np.uint64, nearness: Single
 ) -> bool:
-    """Whether sample n, of this nearness at a pixel, is on the surface that was found there."""
+    """Whether sample n, of this nearness at a pixel, is on the surface found there."""
     behind = ONE - nearness / blend.nearness[row, column]
     if behind <= blend.surface.close:
         return True
@@ -176,7 +176,7 @@ WAITING = np.dtype(
     [
         ("layer", np.int32),
         ("first", np.float32),  # depth of the first of them
-        ("red", np.float32),  # sums of what they add
+        ("red", np.float32),  # sums of the samples' light
         ("green", np.float32),
         ("blue", np.float32),
         ("opacity", np.float32),
@@ -191,7 +191,7 @@ class OverBlend(NamedTuple):
     """Composite samples that come in depth order.
 
     A splat's amount is a length, a point's the part of the pixel that it covers. Points do not hide
-    each other, as they may be side by side: those of one layer are summed, and the sum is
+    each other, as they may be side by side: points of one layer are summed, and the sum is
     composited when the pixel gets anything else.
     """
 
@@ -213,7 +213,7 @@ def _is_transparent(blend, row, column):  # type: ignore[no-untyped-def]
 
 
 class Composited(NamedTuple):
-    """A sample, as it is composited."""
+    """A sample to composite."""
 
     is_point: bool
     layer: int
@@ -284,7 +284,7 @@ def _composite_splat(
 
 @inner_step
 def _composite_points(blend: OverBlend, row: np.uint64, column: np.uint64) -> None:
-    """Composite the points that wait; together they hide no more than all of the pixel."""
+    """Composite the queued points; together they cover at most the whole pixel."""
     points, film, rgba = blend.points[row, column], blend.film, blend.film.rgba
     opacity, cover, before = points["opacity"], points["cover"], rgba[row, column, 3]
     if opacity > ZERO:

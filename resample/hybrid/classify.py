@@ -22,7 +22,7 @@ Jacobian = tuple[float, float, float, float]  # px per step: xu, xv, yu, yv
 class Widths(NamedTuple):
     """Sizes of footprints."""
 
-    threshold: float  # px; samples that are no larger are points. 0: none, inf: all
+    threshold: float  # px; samples up to this size are points. 0: none, inf: all
     filter: float  # px, radius of the pixel filter
     table: Floats  # of the pixel filter, see `footprint.flat_table`
     kernel: float = 1.0  # steps, radius of a flat sample's kernel
@@ -35,7 +35,7 @@ class Widths(NamedTuple):
 def gaussian_widths(
     threshold: float, sigma: float, filter_sigma: float, largest: float = math.inf
 ) -> Widths:
-    """Sizes for flat samples whose kernel, steps, and pixel filter, px, are Gaussians."""
+    """Sizes for flat samples with Gaussian kernel, steps, and pixel filter, px."""
     radius = max(DEVIATIONS * filter_sigma, LEAST_RADIUS)
     return Widths(float(threshold), radius, GAUSSIAN, DEVIATIONS * sigma, largest)
 
@@ -82,7 +82,7 @@ def flat_sample(
 
 @inner_step
 def clamped(size: Covariance, least: float, most: float) -> Covariance:
-    """Ellipse whose half axes are `least` to `most` px long, in the directions that it has."""
+    """Ellipse with half axes clamped to `least` to `most` px, in the same directions."""
     xx, xy, yy = size
     mean, half = 0.5 * (xx + yy), math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
     long, short, least, most = mean + half, mean - half, least * least, most * most

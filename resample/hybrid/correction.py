@@ -51,7 +51,7 @@ def correction_table() -> Floats:
 
 @inner_step
 def row_of(alpha: Single) -> int:
-    """Row of the table for an angle within it, that of the nearest."""
+    """Row of the table for an angle within it, the nearest one."""
     return int(alpha * PER_ANGLE + HALF)
 
 
@@ -67,5 +67,5 @@ def from_table(table: Floats, row: int, squared: Single) -> Single:
 
 @inner_step
 def by_equation(squared: Single, sine2: Single) -> Single:
-    """Value of d² for i² and sin² α; i for what is flat, whose α is 0."""
+    """Value of d² for i² and sin² α; i² for flat samples, with α 0."""
     return squared / (ONE - sine2 + squared * sine2)

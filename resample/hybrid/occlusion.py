@@ -1,4 +1,4 @@
-"""Section 6: an occlusion map, which says of blocks of pixels whether any is still open."""
+"""Section 6: an occlusion map, which marks blocks with open pixels."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ TILE, BLOCK = 32, 8  # px, sides of a tile and of its blocks
 ACROSS = TILE // BLOCK
 
 OpenBlocks = NDArray[np.int32]  # (ACROSS² + 1,) open pixels of each block of a tile; and a mask
-MASK = ACROSS * ACROSS  # entry of the mask, whose bits are set for the blocks with open pixels
+MASK = ACROSS * ACROSS  # entry of the mask; its bits are set for the blocks with open pixels
 FIRST_COLUMN = 0x1111  # mask of the blocks at the left of a tile, one per row of four
 
 
@@ -27,7 +27,7 @@ class TileBox(NamedTuple):
 
 @kernel
 def open_blocks(box: TileBox) -> OpenBlocks:
-    """Blocks of a tile, all of whose pixels are open."""
+    """Blocks of a tile with only open pixels."""
     blocks = np.zeros(ACROSS * ACROSS + 1, np.int32)
     for row in range(box.bottom - box.top):
         for column in range(box.right - box.left):

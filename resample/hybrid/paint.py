@@ -22,13 +22,13 @@ SHIFT = 5  # bits of TILE
 
 
 class Counts(NamedTuple):
-    """Samples of a picture, by what became of them."""
+    """Counts of a picture's samples, by treatment."""
 
     points: int
     splats: int
-    hidden: int  # of both, those whose pixels nearer samples had filled
-    from_table: int  # splats whose index correction the table gave
-    by_equation: int  # splats beyond the table, whose index correction was evaluated
+    hidden: int  # of both, occluded by nearer samples
+    from_table: int  # splats with an index correction from the table
+    by_equation: int  # splats beyond the table, with the equation evaluated
 
 
 POINTS, SPLATS, _, FROM_TABLE, BY_EQUATION = range(len(Counts._fields))
@@ -114,7 +114,7 @@ def _paint_tile(
     blend: Blend,
     met: NDArray[np.bool_],
 ) -> None:
-    """Paint the members of a tile whose pixels are those of a box."""
+    """Paint the members of a tile that has the pixels of a box."""
     for sweep in range(sweeps(blend)):
         for m in range(tiles.start[tile], tiles.start[tile + 1]):
             # Occlusion culling: what meets opaque blocks alone is skipped (section 6).

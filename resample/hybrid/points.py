@@ -1,4 +1,4 @@
-"""Section 2: a point is what the circular filter at each pixel sees of it."""
+"""Section 2: points, weighted by the circular filter at each pixel."""
 
 import math
 
@@ -14,10 +14,10 @@ from resample.types import Floats, Record
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 # The pixel filter of all applications: a Gaussian of this deviation, px. Narrower ones are sharper
-# and leave gaps between points a pixel apart, wider ones blur: 0.4 stands between what is best for
+# and leave gaps between points a pixel apart, wider ones blur: 0.4 lies between the best for
 # flat samples, 0.29, and for voxels, 0.5 (docs/theory/paper.md has the figures).
 FILTER_SIGMA = 0.4
-WIDEST_SUM = 12.0  # px, radius of filters whose weights are summed
+WIDEST_SUM = 12.0  # px, radius of filters with summed weights
 LEAST_RADIUS = 0.75  # px, of the filter; under a narrower one a point may meet no pixel's center
 
 
@@ -30,9 +30,9 @@ def point_at(
     table: Floats,
     shape: tuple[int, int],
 ) -> None:
-    """Fill the record of a point of a mass, px²: the disc of the pixels whose filters reach it.
+    """Fill the record of a point of a mass, px²: the disc of the pixels with filters that reach it.
 
-    Its weights in all pixels sum to the mass. Those of a filter whose integral is 1 sum to 0.84 to
+    Its weights in all pixels sum to the mass. Weights of a filter of integral 1 sum to 0.84 to
     1.19 at the default width, by where in a pixel the point lies: points that move would twinkle.
     """
     x, y = place
@@ -70,7 +70,7 @@ def filter_point(
     blend: Blend,
     sweep: int,
 ) -> bool:
-    """Add point n to the pixels of a box whose filters reach it.
+    """Add point n to the pixels of a box with filters that reach it.
 
     Result: whether it found one open.
     """

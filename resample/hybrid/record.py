@@ -1,4 +1,4 @@
-"""What a sample is once it is on the screen: a point or an ellipse, whatever it was before."""
+"""Record of a sample on the screen: a point or an ellipse, for any kind of sample."""
 
 import math
 
@@ -23,8 +23,8 @@ RECORD = np.dtype(
         ("a", np.float32),  # i² = a dx² + 2 b dx dy + c dy²; i = 1 at the rim
         ("b", np.float32),
         ("c", np.float32),
-        ("alpha", np.float32),  # rad, half angle of a sphere's tangent cone; 0 for what is flat
-        ("weight", np.float32),  # of the filter or the footprint, whose integral is 1 for i < 1
+        ("alpha", np.float32),  # rad, half angle of a sphere's tangent cone; 0 for flat samples
+        ("weight", np.float32),  # of the filter or the footprint, with the integral 1 for i < 1
         ("depth", np.float32),  # along the viewing direction
     ],
     align=True,
@@ -50,7 +50,7 @@ def place_box(
 ) -> None:
     """Set a record's place and the pixels within `wide`, `high` px of it in a frame of this size.
 
-    What the frame does not show, or is no number, is NOTHING.
+    Samples outside the frame, or with NaN, are NOTHING.
     """
     height, width = size
     if not (x + wide > 0.0 and x - wide < width and y + high > 0.0 and y - high < height):

@@ -1,10 +1,10 @@
-"""What becomes of all that a pixel gets: this, not the painting, is where the applications differ.
+"""Blending: the applications differ here, not in painting.
 
     WeightedSum     section 3, texture mapping: everything is added, and divided by its weights
     NearestSurface  section 3, depth images: what lies on the nearest surface is added
     OverBlend       section 4.1, volumes: splats one by one, points as sums of a layer
 
-A blend is a bundle of pictures (H, W, ...) that start empty and of what it needs to know of samples
+A blend is a bundle of pictures (H, W, ...) that start empty, and of data of samples
 (N, ...), in the order of their records. A pixel belongs to one thread.
 """
 
@@ -20,19 +20,19 @@ Blend = Any  # one of `WeightedSum`, `NearestSurface`, `OverBlend`
 
 @role
 def sweeps(blend: Blend) -> int:
-    """How often all samples of a tile are gone through."""
+    """Number of passes over all samples of a tile."""
     raise NotImplementedError
 
 
 @role
 def is_open(blend: Blend, row: np.uint64, column: np.uint64) -> bool:
-    """Whether anything that comes now can change the pixel."""
+    """Whether later samples can change the pixel."""
     raise NotImplementedError
 
 
 @role
 def sample_of(blend: Blend, s: Record, n: np.uint64) -> Any:
-    """What `touch` has to know of sample n, whose record is s: read once for all pixels."""
+    """Data of sample n, with the record s, for `touch`: read once for all pixels."""
     raise NotImplementedError
 
 
@@ -47,7 +47,7 @@ def touch(
     index2: Single,
     amount: Single,
 ) -> int:
-    """Give the pixel what it sees of sample n; returns 1 if that closes it, else 0.
+    """Add sample n to the pixel; return 1 if this closes it, else 0.
 
     `index2`: squared index i² of the pixel in the footprint, 0 center, 1 rim. `amount`: weight
     times F(d).
@@ -57,5 +57,5 @@ def touch(
 
 @role
 def finish(blend: Blend, row: np.uint64, column: np.uint64) -> None:
-    """Complete the pixel, which gets nothing more."""
+    """Finish the pixel after its last sample."""
     raise NotImplementedError

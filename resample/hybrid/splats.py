@@ -23,7 +23,7 @@ ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
 class LookupTables(NamedTuple):
-    """Everything that is looked up."""
+    """All lookup tables."""
 
     splat: Floats  # footprint of the samples' kernel
     point: Floats  # the pixel filter
@@ -50,7 +50,7 @@ def scan_splat(
     """
     met = False
     x, y, a, weight = s["x"], s["y"], s["a"], s["weight"]
-    # The table has no row for what is flat, for which d = i, nor beyond its largest angle.
+    # The table has no row for flat samples (d = i), nor beyond its largest angle.
     alpha, entry, sine2 = s["alpha"], EQUATION, ZERO
     if ZERO < alpha <= tables.largest:
         entry = row_of(alpha)

@@ -95,8 +95,8 @@ def voxel(
     """Fill the record of a voxel around Q, camera axes, before the camera.
 
     `extinction`: per scene unit. `layer`: thickness of the layer in which points are summed, scene
-    units. Result: a splat's extinction, whose amounts are lengths; a point's opacity, whose amounts
-    are parts of a pixel.
+    units. Result: a splat's extinction (amounts are lengths); a point's opacity (amounts
+    are parts of a pixel).
     """
     record["depth"] = Q[2]
     near = 1.0 / Q[2] if projector.perspective else 1.0
@@ -127,7 +127,7 @@ def _filter_radius(size: Covariance, ball: UnitBall, widths: Widths) -> float:
     """Radius, px, of the filter that a point is seen under."""
     if not widths.variance > 0.0:
         return widths.filter
-    # As wide as the kernel's projection and a pixel, whose variance is 1 / 12.
+    # As wide as the kernel's projection and a pixel, of variance 1 / 12.
     xx, xy, yy = size
     half = math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
     spacing2 = (0.5 * (xx + yy) + half) / (ball.radius * ball.radius)
@@ -178,7 +178,7 @@ def _linear_splat(
     size: Covariance,
     shape: tuple[int, int],
 ) -> None:
-    """Fill in a splat of a linear projection, exact where rays are parallel: there i is d.
+    """Fill in a splat of a linear projection; exact for parallel rays, where i is d.
 
     `ray`: through its center, of any length.
     """
@@ -234,7 +234,7 @@ def _place(
         world = vector_at(voxels.position, n)
         turned = multiply(rotation, world)
         center = (turned[0] + shift[0], turned[1] + shift[1], turned[2] + shift[2])
-        # Cull what is transparent, behind the eye or beyond a clipping plane.
+        # Cull transparent voxels, and those behind the eye or beyond a clipping plane.
         is_seen = voxels.extinction[n] > 0.0 and center[2] > camera.near
         is_seen &= center[2] > 0.0 or not camera.perspective
         for plane in range(screen.planes.shape[0]):

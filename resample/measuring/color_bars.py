@@ -183,7 +183,7 @@ def _length(text: str, size: float) -> float:
 
 
 def blank(page: BarLayout, background: Background) -> "Axes":
-    """Empty page whose coordinates are px."""
+    """Empty page with coordinates in px."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

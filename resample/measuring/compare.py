@@ -24,7 +24,7 @@ DPI = 100
 MARGIN = 12  # px around each picture
 LINE = 16  # px per line of text
 SMALLEST = 192  # px; narrower pictures are enlarged
-RUNS = 5  # of what is timed; their median is the time
+RUNS = 5  # per timing; their median is the time
 PATIENCE = 2.0  # seconds for all runs
 
 Row = Mapping[str, object]
@@ -44,7 +44,7 @@ def shown(image: Floats, background: Background = (0.0, 0.0, 0.0)) -> Floats:
 
 
 def milliseconds(run: Callable[[], object], runs: int = RUNS, patience: float = PATIENCE) -> float:
-    """Median time of runs; after `patience` seconds no other begins."""
+    """Median time of runs; after `patience` seconds no new run begins."""
     duration: list[float] = []
     begin = time.perf_counter()
     while not duration or (len(duration) < runs and time.perf_counter() - begin < patience):

@@ -88,7 +88,7 @@ def _windowed(picture: Any) -> Any:
 
 
 def flip(a: Picture, b: Picture) -> float:
-    """Mean visible difference when alternating between two pictures; 0 is none.
+    """Mean visible difference when alternating between two pictures; 0: no difference.
 
     Andersson et al., FLIP: A Difference Evaluator for Alternating Images, 2020 (the LDR variant).
     Gray pictures are treated as equal red, green and blue; further channels are ignored.

@@ -23,7 +23,7 @@ ALLOWED: ContextVar[int | None] = ContextVar("allowed", default=None)
 
 
 def return_freed_memory() -> None:
-    """Return freed memory to the system: what there is now, and large arrays from now on.
+    """Return freed memory to the system now, and large arrays from now on.
 
     By default glibc keeps arrays of up to 32 MiB in each thread. No effect elsewhere.
     """
@@ -159,7 +159,7 @@ def require(what: str, parts: dict[str, int], remedy: str) -> None:
 
 
 def _limit() -> int | None:
-    """Bytes that the limits of this process allow; None if there are none."""
+    """Bytes that this process's limits allow; None if unlimited."""
     try:
         import resource
     except ImportError:  # Windows

@@ -1,4 +1,4 @@
-"""Arrays larger than memory, mapped to files of which some pages are in memory.
+"""Arrays larger than memory, mapped to files with some pages in memory.
 
 Readers and writers use them as ordinary arrays. A thread releases pages when more than the budget
 are in memory: their contents are in the file. The file has no name and disappears with the array,
@@ -30,7 +30,7 @@ SPARE = 1 << 26  # bytes to leave free on the disk
 Number = TypeVar("Number", bound=np.generic)
 
 
-# Of each file the bytes of pages in memory that all together may have, and those of other files.
+# Of each file: the bytes in memory allowed for all files, and the bytes of other files.
 _held: "WeakKeyDictionary[mmap.mmap, tuple[int, int]]" = WeakKeyDictionary()
 _lock = Lock()
 _thread: Thread | None = None
@@ -85,7 +85,7 @@ def pages_of(size: int) -> int | None:
 def array_like(
     values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike, what: str
 ) -> NDArray[Any]:
-    """Create an array for results of others: in a file if one of them is in a file."""
+    """Create an array for results of arrays: in a file if one of them is in a file."""
     held = _of(values)
     return np.empty(shape, kind) if held is None else array_in_file(shape, kind, held[0], what)
 
@@ -109,7 +109,7 @@ def _of(values: Any) -> tuple[int, int] | None:
 
 
 def _mapping_of(size: int, what: str) -> mmap.mmap:
-    """Map a nameless file whose disk space is reserved."""
+    """Map an unnamed file with reserved disk space."""
     place = folder()
     try:
         place.mkdir(parents=True, exist_ok=True)
@@ -148,7 +148,7 @@ def _watch() -> None:
 
 
 def _let_go() -> None:
-    """Release pages as long as there are arrays."""
+    """Release pages as long as arrays exist."""
     global _thread  # noqa: PLW0603
     while True:
         time.sleep(OFTEN)

@@ -29,7 +29,7 @@ ALIGNED = 64  # bytes
 class SharedBricks:
     """Bricks by number, as many as fit in some bytes.
 
-    Each has a place of its own, so that no process waits for another. Two may write the same values
+    Each has its own place, so that no process waits for another. Two may write the same values
     at once; a checksum says whether they are complete. The file disappears with its process.
     """
 
@@ -42,7 +42,7 @@ class SharedBricks:
 
     @classmethod
     def within(cls, most: int, bricks: int, slot: int) -> Self | None:
-        """Make a file of at most so many bytes for bricks; None where that is impossible."""
+        """Make a file of at most so many bytes for bricks; None if impossible."""
         slot = _aligned(slot)
         count = max(0, min(bricks, (most - TOKEN - ALIGNED) // (slot + 4)))
         if not count or not Path("/proc/self/fd").exists():
@@ -70,7 +70,7 @@ class SharedBricks:
     def found(
         self, number: int, shape: tuple[int, ...], dtype: np.dtype[Any]
     ) -> NDArray[Any] | None:
-        """Return a brick if a process has kept it."""
+        """Return a brick if a process has stored it."""
         if number >= self.count or not self._sums[number]:
             return None
         held = self._place(number, prod(shape) * dtype.itemsize)
@@ -81,7 +81,7 @@ class SharedBricks:
         return held.view(dtype).reshape(shape)
 
     def keep(self, number: int, values: NDArray[Any]) -> bool:
-        """Keep a brick, if it has a place; whether it has."""
+        """Store a brick if it has a place; return whether it has."""
         if number >= self.count or values.nbytes > self.slot:
             return False
         held = np.ascontiguousarray(values).reshape(-1).view(np.uint8)
@@ -99,7 +99,7 @@ def _sum_of(values: NDArray[np.uint8]) -> int:
 
 
 def _opened(path: str, token: bytes, form: tuple[int, int]) -> SharedBricks | None:
-    """Open a file of another process; None on another machine, or when that has ended."""
+    """Open a file of another process; None on another machine, or after its end."""
     with suppress(OSError), Path(path).open("r+b") as file:
         if file.read(TOKEN) == token:
             return SharedBricks(file.fileno(), path, token, form)
@@ -109,7 +109,7 @@ def _opened(path: str, token: bytes, form: tuple[int, int]) -> SharedBricks | No
 Step = tuple[int, ...]  # an index or a size along each axis, such as z, y, x
 Box = tuple[slice, ...]  # likewise
 
-SHARE = 8  # memory limit over that of the pinned bricks
+SHARE = 8  # memory limit over the limit of the pinned bricks
 OWN = uuid4().hex  # identifies caches of this process
 
 
@@ -132,7 +132,7 @@ class PinnedCache:
 
     All passes go over the bricks in the same order, so an LRU cache would be useless for the next
     one. It is pickled without its bricks: in another process, all parts of one command's work share
-    a cache of that process. That ends with the process, or when it works for another command.
+    a cache of that process. It ends with the process, or when it works for another command.
     """
 
     def __init__(self, most: int, name: tuple[str, str] | None = None) -> None:
@@ -149,7 +149,7 @@ class PinnedCache:
         return self._kept.get(index)
 
     def keep(self, index: Step, values: NDArray[Any]) -> None:
-        """Cache a brick if there is room, unless it is constant and so known without reading."""
+        """Cache a brick if there is room, unless it is constant, so never read."""
         if values.nbytes > self.most - self.size or (
             is_known_by_its_ends(values.dtype) and bool(values.min() == values.max())
         ):
@@ -177,7 +177,7 @@ _CACHES_LOCK = Lock()
 
 
 def _cache_here(most: int, name: tuple[str, str]) -> PinnedCache:
-    """Return this process's cache of a command, and drop those of other commands."""
+    """Return this process's cache of a command, and drop other commands' caches."""
     with _CACHES_LOCK:
         for other in [other for other in _CACHES if other[0] != name[0]]:
             del _CACHES[other]
@@ -187,20 +187,20 @@ def _cache_here(most: int, name: tuple[str, str]) -> PinnedCache:
 
 
 def is_known_by_its_ends(dtype: np.dtype[Any]) -> bool:
-    """Return whether equal ends tell all values of a type."""
+    """Return whether equal minimum and maximum determine all values of a type."""
     return dtype.kind in "iu" and dtype.itemsize <= 4  # float64 holds them exactly, and none is NaN
 
 
 @dataclass(eq=False)
 class BrickArray:
-    """An array in a file, of which bricks are read on demand."""
+    """An array in a file, with bricks that are read on demand."""
 
     read: Callable[[Box], NDArray[Any]]  # reads the values of a box from the file
     shape: Step
     dtype: np.dtype[Any]
     side: Step  # elements of a brick; the last along each axis may be smaller
     found: dict[Any, Any] = field(default_factory=dict)  # facts, see `resample.outofcore.passes`
-    memory: int | None = None  # memory limit for all that is made of them; None: the machine's
+    memory: int | None = None  # memory limit for all data made of them; None: the machine's
     reads: int = 0  # counts bricks read
     pinned: PinnedCache | None = None  # pinned bricks, as stored in the file
     shared: SharedBricks | None = None  # pinned bricks that other processes have, too
@@ -252,11 +252,11 @@ class BrickArray:
         return self.decoded(values)
 
     def decoded(self, stored: NDArray[Any]) -> NDArray[Any]:
-        """Return values for those in the file; here the same."""
+        """Convert stored values; here unchanged."""
         return stored
 
     def share_bricks(self) -> None:
-        """Let processes of this machine share pinned bricks, of which none reads one again."""
+        """Let processes of this machine share pinned bricks, so that each is read once."""
         if self.pinned is not None and self.shared is None:
             bricks = prod(self.count)
             shared = SharedBricks.within(self.pinned.most, bricks, self.bytes_each)
@@ -270,7 +270,7 @@ class BrickArray:
         return replace(self, reads=0, _lock=Lock())
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process needs."""
+        """Return the state that another process needs."""
         return self.__dict__ | {"found": {}, "_lock": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -43,7 +43,7 @@ def paint_parts(
     """Paint ellipsoids in parts, with the bits of `paint_ellipsoids` of them all.
 
     `source`: parts, loaded one at a time. `camera`, `size`, `style`, `progress`: as
-    `paint_ellipsoids` takes them. `memory`: bytes for what is shown of all, besides one part.
+    `paint_ellipsoids` takes them. `memory`: bytes for all projected ellipsoids, besides one part.
     Returns the picture, and the number of windows. Raises ValueError: a number is out of range; or
     what a tile shows needs more memory.
     """
@@ -89,7 +89,7 @@ def paint_parts(
 
 
 class Held:
-    """Records of all parts, counted, and held as long as they fit."""
+    """Records of all parts, counted, and kept as long as they fit."""
 
     def __init__(self, most: int) -> None:
         self.count, self._most = 0, most
@@ -123,7 +123,7 @@ def split_windows(
     tile: int,
     bounds: Callable[[Window], WindowTask | None],
 ) -> list[WindowTask]:
-    """Return windows of whole tiles that make up a picture (height, width), each of which fits.
+    """Return windows of whole tiles that make up a picture (height, width); each fits.
 
     Where `bounds` gives None a window is halved; it raises if a single tile does not fit.
     """

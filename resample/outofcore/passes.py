@@ -38,7 +38,7 @@ def memoizing(kept: Memo) -> Iterator[None]:
 
 
 def memo_of(values: Any) -> Memo:
-    """Return what is kept about values; without a scene nothing is kept for long."""
+    """Return the cached facts about values; without a scene nothing is kept for long."""
     kept: Memo | None = getattr(values, "found", _kept.get())
     return {} if kept is None else kept
 
@@ -74,7 +74,7 @@ class PassContext(NamedTuple):
 
     executor: Executor | None = None  # runs parts; None: all run in this process
     threads: int | None = None  # of each process; None: all
-    tell: Progress | None = None  # called with the fraction done, 0 to 1; None: as of the caller
+    tell: Progress | None = None  # called with the fraction done, 0 to 1; None: the caller's
 
     def portion(self, first: float, last: float) -> "PassContext":
         """Return the context of a part of the work, by fractions of the whole."""
@@ -114,7 +114,7 @@ def _on_threads(job: Callable[[P], R], count: int | None, part: P) -> R:
 def ranked(
     ranks: Iterable[int], counted: Callable[[int, int], NDArray[np.int64]], digits: int
 ) -> list[int]:
-    """Return the numbers of ranks among ascending ones, by passes as of `counts_by_digit`."""
+    """Return the numbers of given ranks in ascending order, by passes of `counts_by_digit`."""
     count, found = cache(counted), []
     for rank in ranks:
         prefix, left = 0, rank
@@ -130,7 +130,7 @@ def ranked(
 def counts_by_digit(
     number: NDArray[np.unsignedinteger[Any]], prefix: int, digit: int
 ) -> NDArray[np.int64]:
-    """Count 16 bits, digit 0 the lowest, of the numbers (N,) whose higher bits are a prefix."""
+    """Count 16 bits, digit 0 the lowest, of the numbers (N,) with a prefix as higher bits."""
     high = number >> number.dtype.type(DIGIT * digit)
     own = high[high >> number.dtype.type(DIGIT) == prefix] & number.dtype.type((1 << DIGIT) - 1)
     return np.bincount(own.astype(np.int64), minlength=1 << DIGIT)
@@ -138,7 +138,7 @@ def counts_by_digit(
 
 @contextmanager
 def thread_pool(threads: int | None = None) -> Iterator[ThreadPoolExecutor]:
-    """Threads, `threads_at_work` by default, of which none begins another task after the block."""
+    """Threads, `threads_at_work` by default; none begins another task after the block."""
     pool = ThreadPoolExecutor(threads or threads_at_work())
     try:
         yield pool
@@ -149,7 +149,7 @@ def thread_pool(threads: int | None = None) -> Iterator[ThreadPoolExecutor]:
 def in_order(
     job: Callable[[P], R], parts: Iterable[P], pool: ThreadPoolExecutor | None = None
 ) -> Iterator[R]:
-    """Run a job on threads; yield its results in the order of the parts, of which few wait."""
+    """Run a job on threads; yield its results in the order of the parts; few are queued."""
     waiting, most = deque[Future[R]](), threads_at_work()
     with thread_pool() if pool is None else nullcontext(pool) as own:
         for part in parts:

@@ -1,4 +1,4 @@
-"""Paint ellipsoids for cameras whose rays go anywhere: panoramas, fisheyes, lenses."""
+"""Paint ellipsoids for cameras with arbitrary rays: panoramas, fisheyes, lenses."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from resample.engine.shaped.all_around import PlacedTiles
     from resample.engine.shaped.lists import TileLists
 
-STRIP = 1 << 22  # sub-pixels whose rays are in memory together, at most
-BLOCK = 4  # tiles along a side of what is listed first
+STRIP = 1 << 22  # sub-pixels with rays in memory together, at most
+BLOCK = 4  # tiles along a side of a block listed first
 
-# Rotations from camera axes to those of faces: ahead, right, behind, left, below, above.
+# Rotations from camera axes to faces' axes: ahead, right, behind, left, below, above.
 FACES = np.array(
     [
         [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
@@ -58,7 +58,7 @@ class RayDirections(NamedTuple):
     """A camera by the directions of its rays."""
 
     world_to_camera: Doubles  # (4, 4) or (3, 4)
-    rays: RaysAt  # directions (..., 3) at places (..., 2), px; NaN where there is none
+    rays: RaysAt  # directions (..., 3) at places (..., 2), px; NaN without a ray
 
 
 def ray_directions(camera: Camera | Equirectangular, size: tuple[int, int]) -> RayDirections:
@@ -87,7 +87,7 @@ def paint_around(
     Parameters
     ----------
     shapes, size, style, progress
-        As `paint_ellipsoids` takes them; the order is that of distances.
+        As `paint_ellipsoids` takes them; ordered by distance.
     camera
         By its rays, see `ray_directions`. Depths are distances from the eye.
 
@@ -191,7 +191,7 @@ def _strip(
 
 
 def _lists(records: Floats, whole: "TileLists", strip: "PlacedTiles") -> "TileLists":
-    """List what each tile may show of each face: of blocks of tiles first, then of tiles."""
+    """List each tile's candidates per face: for blocks of tiles first, then for tiles."""
     # Bounds (T, faces, 4) of the sub-pixels of each tile on each face; least above most: none.
     boxes = np.empty((len(strip.at), len(FACES), 4))
     for number in range(len(FACES)):
@@ -214,7 +214,7 @@ def _lists(records: Floats, whole: "TileLists", strip: "PlacedTiles") -> "TileLi
 
 
 def _meeting(records: Floats, lists: "TileLists", of: Indices, boxes: Doubles) -> "TileLists":
-    """List which records of a list meet each box."""
+    """List the records of a list that meet each box."""
     from resample.engine.shaped.all_around import deal_to_boxes
     from resample.engine.shaped.lists import TileLists
 

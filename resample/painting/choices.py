@@ -1,4 +1,4 @@
-"""Choices of a renderer: all there are, what a primitive brings along, and what goes together."""
+"""Choices of a renderer: their values, a primitive's requirements, valid combinations."""
 
 import math
 from collections.abc import Callable
@@ -75,14 +75,14 @@ class Opacity(StrEnum):
     'linear'
     """
 
-    EXACT = "exact"  # 1 − exp(−τ F): transmittances multiply to that of the field
+    EXACT = "exact"  # 1 − exp(−τ F): transmittances multiply to the field's
     LINEAR = "linear"  # α F of classic splatting
 
 
 class Projection(StrEnum):
-    """What a pixel shows of the field along its ray; all but COMPOSITE need a `LatticeField`."""
+    """Reduction of the field along a pixel's ray; all but COMPOSITE need a `LatticeField`."""
 
-    COMPOSITE = "composite"  # light, attenuated by what lies in front
+    COMPOSITE = "composite"  # light, attenuated by the medium in front
     MAXIMUM = "maximum"  # maximum value
     AVERAGE = "average"  # mean value
     ADDITIVE = "additive"  # sum of values times length
@@ -113,21 +113,21 @@ OF_PAPER = tuple(model for model in Footprint if model is not Footprint.EXACT)
 
 @dataclass(frozen=True)
 class Technique:
-    """What is particular to a primitive; plugins of the group `resample.primitives` build one."""
+    """Technique of a primitive; plugins of the group `resample.primitives` build one."""
 
     threshold: float  # sub-pixels between neighbours, up to which samples are points
     footprints: tuple[Footprint, ...] = tuple(Footprint)  # models of splats that go with it
     own_footprint: Footprint = Footprint.EXACT
     subpixels: int = 1  # per side of a pixel, unless chosen; 0: as many as samples need
     has_scales: bool = False  # samples may have a scale each
-    inflated: float = 0.0  # px; splats whose neighbours are closer are as wide as for this spacing
+    inflated: float = 0.0  # px; splats with closer neighbours are as wide as for this spacing
     blurred: float = 0.0  # px², added to the variance of splats
     filter_at_pixels: PixelFilter | None = None  # if points are summed at pixels: under this filter
     painter: "Callable[[PaintChoices], SamplePainter] | None" = None  # None: as the order asks
 
 
 def _paper(choice: "PaintChoices") -> "SamplePainter":
-    """Return the painter of `resample.hybrid`: of all that is not exact, and of points."""
+    """Return the painter of `resample.hybrid`: for points and inexact splats."""
     from resample.painting.paper import PaperPainter
 
     technique = technique_of(choice.primitive)
@@ -171,7 +171,7 @@ def is_exact(choice: "PaintChoices") -> bool:
 
 @cache
 def technique_of(primitive: str) -> Technique:
-    """Technique of a primitive: the core's, or that of a plugin."""
+    """Technique of a primitive: the core's, or a plugin's."""
     found = _TECHNIQUES.get(Primitive(primitive)) if primitive in list(Primitive) else None
     if found is None:
         _primitive_named(primitive.partition(":")[0], "primitive")
@@ -180,13 +180,13 @@ def technique_of(primitive: str) -> Technique:
 
 
 def footprints_of(primitive: str) -> tuple[Footprint, ...]:
-    """Models of splats that go with a primitive."""
+    """Models of splats that a primitive allows."""
     return technique_of(primitive).footprints
 
 
 @dataclass(frozen=True)
 class PaintChoices:
-    """All choices of a `Resampler`, which explains them; they go together."""
+    """All choices of a `Resampler`, which explains them, checked together."""
 
     primitive: Primitive | str = Primitive.HYBRID
     footprint: OneOf[Footprint | None, FootprintName] = OneOf(Footprint, None)
@@ -257,14 +257,14 @@ class PaintChoices:
 
     @cached_property
     def _painter(self) -> "SamplePainter":
-        """Who paints samples: the primitive's own painter, that of the order, or the usual one."""
+        """Painter of samples: the primitive's own, the order's, or the usual one."""
         own = technique_of(self.primitive).painter or getattr(self.order, "painter", None)
         if own is not None:
             painter: SamplePainter = own(self)
             return painter
         if self.order.summing is not Summing.POINTS:
             raise ValueError(f"the order {self.order} has no painter of samples")
-        # Exact splats have a painter of their own; other choices are those of the paper's painter.
+        # Exact splats have their own painter; other choices take the paper's painter.
         technique = technique_of(self.primitive)
         if not is_exact(self):
             return _paper(self)
@@ -304,7 +304,7 @@ def _primitive_named(name: str, what: str = "method") -> Primitive | str:
 def check_sort_of(
     choice: PaintChoices, samples: Samples | LatticeField | list[LatticeField]
 ) -> None:
-    """Refuse a field that the order cannot classify, and samples that hold no field."""
+    """Reject a field that the order cannot classify, and samples without a field."""
     if isinstance(samples, list):
         # Reject a list that is not of fields on lattices, and projections of one field.
         if not samples or not all(isinstance(field, LatticeField) for field in samples):
@@ -331,7 +331,7 @@ def check_sort_of(
 
 
 def check_scaled(choice: PaintChoices) -> None:
-    """Refuse choices that would paint samples of a scale each as if they had none."""
+    """Reject choices that would ignore the scales of samples."""
     if choice.order.summing is not Summing.POINTS:
         raise ValueError(f"samples of a scale each need the order every-sample, not {choice.order}")
     is_linear = choice.opacity is Opacity.LINEAR

@@ -111,10 +111,10 @@ class EllipsoidSource(Protocol):
         """Ellipsoids of each part."""
 
     def kernel(self) -> Reconstruction | None:
-        """As of all of them."""
+        """As for all of them."""
 
     def load(self, part: int, view: View, /) -> Ellipsoids:
-        """One of them, in colors for a view."""
+        """One part, in colors for a view."""
 
 
 class InMemory(NamedTuple):
@@ -128,11 +128,11 @@ class InMemory(NamedTuple):
         return [count] if count else []
 
     def kernel(self) -> Reconstruction | None:
-        """As of all of them."""
+        """As for all of them."""
         return self.all.kernel
 
     def load(self, part: int, view: View, /) -> Ellipsoids:  # noqa: ARG002
-        """All of them."""
+        """All parts."""
         return self.all
 
 
@@ -140,7 +140,7 @@ class ShapedPicture(NamedTuple):
     """A picture of ellipsoids."""
 
     rgba: Floats  # (H, W, 4) premultiplied, in the space of the colors
-    depth: Floats  # (H, W) mean z-depth, weighted by what is seen, scene units; inf where empty
+    depth: Floats  # (H, W) mean z-depth, weighted by visibility, scene units; inf where empty
     median: Floats  # (H, W) z-depth where half of the light is stopped; inf where less is
     first_depth: Floats  # (H, W) of the nearest that is seen; inf where empty
     coverage: Floats  # (H, W) share of the pixel that is covered, however faintly
@@ -275,14 +275,14 @@ class ShapedScene(NamedTuple):
         return ShapedScene(source, view, size, chosen)
 
     def measured(self, projected: Iterable[Floats]) -> "ShapedScene":
-        """Return the scene that knows how thin its ellipsoids are, by the records of all parts."""
+        """Return the scene with its ellipsoids' thickness, measured from all parts' records."""
         if self.style.subpixels is not None:
             return self
         from resample.engine.shaped.records import N_XX, N_XY, N_YY
 
         thickness = np.zeros(BINS, np.int64)
         for records in projected:
-            # How many of those that are seen are as thin, along their shorter axis on the screen.
+            # Count visible ellipsoids that are as thin, along their shorter axis on the screen.
             for first in range(0, len(records), BAND):
                 some = records[first : first + BAND]
                 xx, half, yy = some[:, N_XX], 0.5 * some[:, N_XY], some[:, N_YY]
@@ -311,7 +311,7 @@ class ShapedScene(NamedTuple):
         return SIDE // self.finest()
 
     def projected(self) -> Iterator[Floats]:
-        """Whole records that the picture shows, some at a time."""
+        """Whole records of visible ellipsoids, in batches."""
         from resample.engine.shaped.records import WHOLE, ShapedArrays, project_shapes
 
         for part in range(len(self.source.sizes())):
@@ -335,7 +335,7 @@ class ShapedScene(NamedTuple):
                 yield in_window(records, (0, 0, self.size[1], self.size[0]))
 
     def records(self, window: Window | None = None, most: int | None = None) -> "HeldRecords":
-        """Records of all that the picture, or a window of it, shows; `most`: if it is known."""
+        """Records of all visible ellipsoids of a picture or window; `most`: if known."""
         held = HeldRecords(sum(self.source.sizes()) if most is None else most)
         for records in self.projected():
             held.add(records if window is None else in_window(records, window))
@@ -378,7 +378,7 @@ class ShapedScene(NamedTuple):
         if kernel is not None and style.taken is not None:
             small = 1.0 / self.finest(), variance(kernel) / kernel.radius**2, style.taken
         own = float(np.sqrt(abs(self.view.focal[0] * self.view.focal[1])))
-        finest = style.subpixels or FINEST  # what is thinner would fall between the rays
+        finest = style.subpixels or FINEST  # thinner ellipsoids would fall between the rays
         return ShapedOptions(
             self.size[1],
             self.size[0],
@@ -395,7 +395,7 @@ class ShapedScene(NamedTuple):
         )
 
     def opacity(self) -> "Opacity":
-        """How distances become opacities."""
+        """Conversion of distances to opacities."""
         from resample.engine.shaped.painting import CutOpacity, DepthOpacity, PeakOpacity
 
         kernel = self.source.kernel()
@@ -445,7 +445,7 @@ class HeldRecords:
 
     @property
     def records(self) -> Floats:
-        """Those that were added."""
+        """Added records."""
         return self._records[: self.count]
 
     def add(self, whole: Floats) -> None:
@@ -462,9 +462,9 @@ class HeldRecords:
         self.count = rows.stop
 
     def front_to_back(self) -> NDArray[np.uint32]:
-        """Return the numbers of the records, nearest first; to be called once.
+        """Return the numbers of the records, nearest first; call it once.
 
-        Those of equal keys are ordered by what they are, whatever order they came in.
+        Equal keys are ordered by the records' contents, whatever order they came in.
         """
         from resample.engine.shaped.lists import settle_records
 

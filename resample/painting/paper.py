@@ -52,16 +52,16 @@ class PlacedVoxels(NamedTuple):
 
 @dataclass(frozen=True)
 class PaperPainter:
-    """The paper's painter, of scenes whose samples are composited one by one.
+    """The paper's painter, for scenes with samples composited one by one.
 
-    A sample that a clipping plane or the near plane cuts is shown if its center is; one whose cone
-    of tangents meets the eye's plane is left out.
+    A sample cut by a clipping plane or the near plane is shown if its center is; if its cone
+    of tangents meets the eye's plane, it is culled.
     """
 
     reconstruction: Reconstruction
     point_filter: PixelFilter
     threshold: float  # sub-pixels
-    is_affine: bool = False  # ellipses are those of the projection's linear part
+    is_affine: bool = False  # ellipses follow from the projection's linear part
     is_projected: bool = False  # ellipses are around the projected center
     has_table: bool = True  # the correction is looked up, not evaluated
     are_wide: bool = False  # points are as wide as their kernels; the filter is in such widths
@@ -82,7 +82,7 @@ class PaperPainter:
 
     @property
     def tables(self) -> LookupTables:
-        """Everything that is looked up; the equation has no table."""
+        """All lookup tables; the equation has none."""
         tables = LookupTables(_splat_table(self.reconstruction), _point_table(self.point_filter))
         return tables if self.has_table else tables._replace(largest=np.float32(-1.0))
 

@@ -83,7 +83,7 @@ class _Effort(NamedTuple):
     bend: float  # tolerance in colors; larger bends are edges
     share: float  # relative tolerance, added to `bend`
     bent: float  # fraction of the range of values by which a field may bend within a step
-    slack: float  # fraction of that range by which extremes may fall short from afar
+    slack: float  # fraction of the range by which extremes may fall short from afar
 
 
 EFFORTS = {
@@ -112,7 +112,7 @@ class RayPainter:
         progress: Progress | None,
         rows: tuple[int, int],
     ) -> tuple[PaintTarget, Statistics]:
-        """Paint rows of a picture (height, width) of fields; meshes are those of the first."""
+        """Paint rows of a picture (height, width) of fields, with the first one's meshes."""
         from resample.engine.rays.painting import GOLDEN, Evenness, Output
 
         clock, style = Clock(), self.style
@@ -181,7 +181,7 @@ class RayPainter:
         output: "Output",
         rows: tuple[int, int],
     ) -> int:
-        """Replace middles of pixels by means, at edges by those of several rays; count these."""
+        """Replace centers of pixels by means, at edges by means of several rays; count these."""
         width = output.film.depth.shape[1]
         from resample.engine.rays.painting import weigh_neighbours
 
@@ -210,7 +210,7 @@ class RayPainter:
 def _visible_fields(
     fields: Sequence[LatticeField], media: "Sequence[Medium]"
 ) -> "tuple[list[LatticeField], list[Medium]]":
-    """Fields of which something is visible, or that hold meshes; at least one."""
+    """Fields with a visible part or with meshes; at least one."""
     pairs = [
         (field, medium)
         for field, medium in zip(fields, media, strict=True)
@@ -244,9 +244,9 @@ def _caster(
 def _squares_shown(
     media: "Sequence[Medium]", view: View, box: tuple[int, int, int, int], per: float, margin: int
 ) -> Flags:
-    """Squares of the screen, `per` per px, within `margin` px of which something may be visible.
+    """Squares of the screen, `per` per px, within `margin` px of visible content.
 
-    `box`: left, top, right and bottom of what is returned, px.
+    `box`: left, top, right and bottom of the result, px.
     """
     from resample.engine.rays.coefficients import BRICK
 
@@ -368,7 +368,7 @@ def _rays_of(field: LatticeField, view: View, how: RayPainter) -> tuple[int, int
 
 
 def _is_spread(field: LatticeField, view: View, how: RayPainter) -> bool:
-    """Whether sub-pixels are not on a grid, which would miss what is thin and along an axis.
+    """Whether sub-pixels are off the grid, which would miss thin structures along an axis.
 
     On a grid smooth pictures have smaller errors, so it is left where values become opaque at once.
     """
@@ -404,7 +404,7 @@ def _way(field: LatticeField, view: View, how: RayPainter) -> "Way":
     voxel = float(np.cbrt(abs(np.linalg.det(field.lattice))))
     if style.projection in EXTREMES:
         is_far = _mean_spacing(field, view) < LARGE
-        # Search for extremes of a field; `voxel` in scene units, `slack` as of `_Effort`.
+        # Search for extremes of a field; `voxel` in scene units, `slack` as in `_Effort`.
         slack = EFFORTS[how.quality].slack if is_far else 0.0
         from resample.engine.rays.coefficients import BRICK
         from resample.engine.rays.extremes import BLOCK, Extreme
@@ -549,7 +549,7 @@ def visible_cells(
 ) -> NDArray[np.uint64]:
     """Cells of a field that may be visible, as bits in bricks (z, y, x), x fastest.
 
-    `bounds`: as of `spline_of`. `extinction`: (K,) of values between two `ends`.
+    `bounds`: as in `spline_of`. `extinction`: (K,) of values between two `ends`.
     """
     from resample.engine.rays.coefficients import VisibleValues, bundled, find_visible_cells
 

@@ -127,7 +127,7 @@ def ellipsoid_of(lattice: Doubles, view: View, radius: float) -> Ellipsoid:
 
 
 def planes_of(clip: ArrayLike | None, view: View, ellipsoid: Ellipsoid) -> Doubles:
-    """Convert clipping planes (M, 4) of the scene to those of `Screen`, (M, 5)."""
+    """Convert clipping planes (M, 4) of the scene to `Screen`'s, (M, 5)."""
     given = np.asarray([] if clip is None else clip, np.float64)
     if given.size == 0 or given.shape == (4,):
         given = given.reshape(-1, 4)
@@ -229,9 +229,9 @@ class PreparedScene:
     def left_by_planes(
         self, samples: Samples, *, by_center: bool = False
     ) -> tuple[Samples, Doubles]:
-        """Samples of which clipping planes leave a part, or the center; and planes that cut them.
+        """Samples that clipping planes leave in part, or by center; and planes that cut them.
 
-        These (M, 4) are those of `Screen`, and the near plane, or that of the eye.
+        These (M, 4) are `Screen`'s, and the near plane, or the eye's.
         """
         view, covariance = self.view, self.ellipsoid.covariance
         near = [0.0, 0.0, 1.0, -view.near, math.sqrt(covariance[2, 2])]
@@ -253,7 +253,7 @@ class PreparedScene:
         return samples._replace(extinction=samples.extinction[inside], scale=scale, **parts), planes
 
     def tinted(self, color: Floats) -> Floats:
-        """Colors (N, 3) of splats: their own, or as bright in the one that tells them apart."""
+        """Colors (N, 3) of splats: their own, or equally bright in their tint."""
         tint = np.array(self.style.tint, np.float32)
         return color if tint[0] < 0 else color.max(axis=1, keepdims=True) * tint
 
@@ -284,7 +284,7 @@ def spacing_of(view: View, samples: Samples) -> Floats:
         near = np.asarray(1 / np.where(is_ahead, z, 1), np.float32)
         with np.errstate(over="ignore"):
             x, y = across * near, down * near
-    # The longest axis of J V Jᵀ at a depth of 1; what is beside the eye may be beyond numbers.
+    # The longest axis of J V Jᵀ at a depth of 1; beside the eye it may overflow.
     with np.errstate(over="ignore", invalid="ignore"):
         xx = fx * fx * (v[0, 0] - 2 * x * v[0, 2] + x * x * v[2, 2])
         xy = fx * fy * (v[0, 1] - x * v[1, 2] - y * v[0, 2] + x * y * v[2, 2])

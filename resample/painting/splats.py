@@ -52,7 +52,7 @@ class SplatPainter:
     key: str  # "depth" or "distance", see `EverySample`
     inflated: float  # px; splats of closer neighbours are as wide as for this spacing
     blurred: float  # px², added to the variance of splats
-    is_spread: bool = True  # what is smaller than a sub-pixel keeps its light
+    is_spread: bool = True  # splats smaller than a sub-pixel keep their light
     is_linear: bool = False  # opacities are α F of classic splatting
 
     def paint(
@@ -87,7 +87,7 @@ class SplatPainter:
 
             film = painted_on_subpixels(part, view, size, parts, progress)
         clock.lap("paint")
-        painted, hidden, points = found.tolist()  # what is smaller than a sub-pixel is a point
+        painted, hidden, points = found.tolist()  # splats smaller than a sub-pixel are points
         tally = np.array([[points, painted - points, hidden, fine]])
         splats = painted - points + hidden
         statistics = Statistics(count, points, splats, hidden, fine, clock.seconds)
@@ -124,7 +124,7 @@ class SplatPainter:
 def _paint_rows(
     scene: ShapedScene, source: "SampleSource", top: int, bottom: int, canvas: "PaintedShapes"
 ) -> Iterator[tuple[NDArray[np.int64], float]]:
-    """Paint rows of a picture, some depths at a time; what opaque pixels hide is not projected.
+    """Paint rows of a picture in ranges of depth; samples behind opaque pixels are culled.
 
     Yield how many samples were painted, how many others are hidden, and how many of the painted
     are smaller than a sub-pixel, and the share of all work.
@@ -162,7 +162,7 @@ def _paint_rows(
 
 
 def _batches(scene: ShapedScene, samples: Samples) -> Iterator[NDArray[np.int64] | None]:
-    """Yield the numbers of samples, those that are nearer first; None: all of them."""
+    """Yield the numbers of samples, nearer ones first; None: all of them."""
     count = samples.extinction.size
     if count < FEWEST:
         yield None
@@ -183,7 +183,7 @@ def _batches(scene: ShapedScene, samples: Samples) -> Iterator[NDArray[np.int64]
 
 
 def _chosen(samples: Samples, index: NDArray[np.int64]) -> Samples:
-    """Those of the samples that have these numbers."""
+    """The samples with these numbers."""
     position, color, extinction = (array.take(index, axis=0) for array in samples[:3])
     scale = None if samples.scale is None else samples.scale.take(index)
     return Samples(position, color, extinction, samples.lattice, scale)
@@ -219,7 +219,7 @@ def _may_be_seen(
     reach = np.float32(wide * (1 + slope**2) + 1.0 / grid.fine)
 
     def stored(px: Floats) -> Floats:
-        """Sub-pixel of tiles, which also hold some of the next where grids do not divide them."""
+        """Sub-pixels of tiles, including some of the next tile's if grids do not divide them."""
         tile = np.floor(px * np.float32(1.0 / grid.side))
         inside = (px - tile * grid.side) * np.float32(grid.fine)
         return np.asarray(tile * np.float32(SIDE) + inside, np.float32)
@@ -261,11 +261,11 @@ class SampleSource(NamedTuple):
         return [min(PART, count - first) for first in range(0, count, PART)]
 
     def kernel(self) -> Reconstruction:
-        """As of all of them."""
+        """As for all of them."""
         return self.reconstruction
 
     def load(self, part: int, view: View, /) -> Ellipsoids:
-        """Ellipsoids of a part, whose masses are those of their samples."""
+        """Ellipsoids of a part, with the masses of their samples."""
         rows, whole = slice(part * PART, (part + 1) * PART), self.samples
         position, color, extinction = (array[rows] for array in whole[:3])
         size = None if whole.scale is None else whole.scale[rows]
@@ -304,7 +304,7 @@ def light_taken(kernel: Reconstruction, is_linear: bool) -> Floats:
 
 
 def _quaternion(axes: Doubles) -> Floats:
-    """Quaternion w, x, y, z of a rotation whose columns, or their opposites, are these."""
+    """Quaternion w, x, y, z of a rotation with these columns, or their opposites."""
     turn = axes * np.sign(np.linalg.det(axes))
     # The eigenvector of the largest eigenvalue (Bar-Itzhack 2000).
     (a, b, c), (d, e, f), (g, h, i) = turn

@@ -70,7 +70,7 @@ def levels_of(bound: NDArray[Any], shift: int, ends: tuple[float, float]) -> Blo
 
 
 def levels_of_samples(values: NDArray[Any], is_least: bool) -> BlockLevels:
-    """Upper bounds of what lies between the samples around a place, in blocks of 2³ cells.
+    """Upper bounds of values between the samples around a place, in blocks of 2³ cells.
 
     `values`: (Z, Y, X). `is_least`: of negated values.
     """

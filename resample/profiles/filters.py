@@ -21,7 +21,7 @@ WIDEST = 64.0  # px, radius of a filter
 class PixelFilter(Protocol):
     """Interface of a pixel filter; NumPy is enough to write one.
 
-    A plugin is a class with these two, whose constructor takes the user's parameters by name and
+    A plugin is a class with these two. Its constructor takes the user's parameters by name and
     rejects invalid ones with a `ValueError`; `resample.testing.check_filter` checks the rest.
     """
 
@@ -204,7 +204,7 @@ def profile_table(pixel_filter: PixelFilter, count: int) -> Floats:
 
 
 def check_reach(pixel_filter: PixelFilter) -> None:
-    """Reject a filter whose radius is too large."""
+    """Reject a filter with too large a radius."""
     if not 0.0 < pixel_filter.radius <= WIDEST:
         raise ValueError(
             f"{pixel_filter} reaches {pixel_filter.radius} px; above 0 to {WIDEST:g} are allowed"

@@ -142,7 +142,7 @@ class Spline:
 
 @dataclass(frozen=True)
 class AreaSpline(Spline):
-    """Spline whose mean over the extent of every sample equals that sample.
+    """Spline with means over the samples' extents equal to the samples.
 
     A shift then acts like an interpolating spline one degree higher, means over whole samples are
     exact, and sums are preserved.
@@ -286,7 +286,7 @@ def _half_steps(interpolation: Interpolation) -> float:
 def cumulative(interpolation: Interpolation) -> tuple[Doubles, Doubles]:
     """Integral of an interpolation's kernel from its start: places, and its values there.
 
-    Weights are normalised so that those of all samples sum to 1 at every place.
+    Weights are normalised: all samples' weights sum to 1 at every place.
     """
     radius = _half_steps(interpolation)
     taps = int(2.0 * radius)
@@ -304,7 +304,7 @@ def cumulative(interpolation: Interpolation) -> tuple[Doubles, Doubles]:
 
 @once
 def blur(interpolation: Interpolation) -> float:
-    """By how much an interpolation widens samples: 12 times its variance, samples², 0 or more.
+    """Blur of an interpolation: 12 times its variance, samples², 0 or more.
 
     So much longer a box is, squared, after it. Kernels that reproduce parabolas widen nothing;
     linear interpolation widens a box of 1 to one of √3.
@@ -348,7 +348,7 @@ def side_weights(
 def point_weights(
     interpolation: Interpolation, place: Doubles
 ) -> tuple[NDArray[np.int64], Doubles]:
-    """Weights of samples at places (N,), as `side_weights` has them for sides."""
+    """Weights of samples at places (N,), as `side_weights` for sides."""
     before = np.floor(place - 0.5)
     weight = _at_points(interpolation, place - 0.5 - before)
     return before.astype(np.int64) + 1 - weight.shape[1] // 2, weight
@@ -366,7 +366,7 @@ def own_weights(interpolation: Interpolation) -> tuple[int, Doubles]:
 
 
 def _at_points(interpolation: Interpolation, fraction: Doubles) -> Doubles:
-    """Weights (N, K) of the samples around points that are so far beyond a sample's center."""
+    """Weights (N, K) of the samples around points, by distance beyond a sample's center."""
     reach = max(1, math.ceil(interpolation.radius))
     distance = np.abs(np.arange(1 - reach, reach + 1) - fraction[:, None])
     inside = np.minimum(distance, interpolation.radius)
@@ -379,7 +379,7 @@ def _at_points(interpolation: Interpolation, fraction: Doubles) -> Doubles:
 def integrals(interpolation: Interpolation, phases: int, ones: int) -> "Integral":
     """Integral of an interpolation's kernel, with weights normalised to sum 1 everywhere.
 
-    Row p of the table is for positions whose distance from a sample's center, minus `shift`, has
+    Row p of the table is for positions with a distance to a sample's center, minus `shift`, of
     the fraction p / phases.
     """
     from resample.engine.windows.boxes import Integral
@@ -388,7 +388,7 @@ def integrals(interpolation: Interpolation, phases: int, ones: int) -> "Integral
     is_whole = radius == int(radius)
     taps, before = int(2.0 * radius), math.ceil(radius - 0.5) - is_whole
     fine, integral = cumulative(interpolation)
-    # A fraction may be rounded to 1, whose row is read with the next one.
+    # A fraction may be rounded to 1; its row is read with the next one.
     phase = np.arange(phases + 2) / phases - (0.0 if is_whole else 0.5)
     table = np.zeros((phases + 2, taps + 2 * ones), np.float32)
     table[:, :ones] = 1.0

@@ -1,4 +1,4 @@
-"""Compositing orders: what is painted after what, what is summed before, and layers of samples.
+"""Compositing orders: sequence of painting, sums before compositing, layers of samples.
 
 See the paper, section 4.1.
 """
@@ -18,7 +18,7 @@ INTERPOLATIONS = (MONOTONE, "spline")  # for maxima and minima
 
 
 class Summing(IntEnum):
-    """What is summed before compositing."""
+    """Samples that are summed before compositing."""
 
     POINTS = 0  # points of a sheet; splats are composited one by one
     SHEETS = 1  # all samples of a sheet
@@ -35,10 +35,10 @@ class CompositingOrder(Protocol):
 
     @property
     def summing(self) -> Summing:
-        """What is summed; orders of sheets and slabs have a `painter`, made of a choice of all."""
+        """Kind of sums; orders of sheets and slabs have a `painter`, made of all choices."""
 
     def __call__(self, view: View, lattice: Doubles) -> Layers:
-        """Layers of samples with a lattice (3, 3); those of `Summing.SLABS` are layers of depth."""
+        """Layers of samples with a lattice (3, 3); for `Summing.SLABS`, layers of depth."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def check_thickness(thickness: float) -> None:
 
 
 def layers_of(order: CompositingOrder, position: Floats, view: View, lattice: Doubles) -> Layers:
-    """Layers of an order, of which the first begins at the first of the samples (N, 3)."""
+    """Layers of an order; the first begins at the first of the samples (N, 3)."""
     layers = order(view, lattice)
     if not layers.begins_at_first:
         return layers

@@ -69,7 +69,7 @@ class BSplineKernel:
     Parameters
     ----------
     radius
-        Radius at which it ends, voxels; its knot is at half of that.
+        Radius at which it ends, voxels; its knot is at half the radius.
     """
 
     radius: float = 2.0
@@ -143,7 +143,7 @@ def partial_table(reconstruction: Reconstruction) -> Floats:
     """Line integrals up to a position, (K + 1, K + 1).
 
     Rows are the squared distance of the line from the center, 0..1 radii²; columns the position on
-    it, -1..1 radii from the point nearest to the center. Normalised as in `footprint_table`, whose
+    it, -1..1 radii from the point nearest to the center. Normalised as in `footprint_table`; its
     values are the last column. For a Gaussian error functions give this; the table serves any
     kernel.
     """

@@ -105,7 +105,7 @@ def painted_on_subpixels(
         )
         resolve_rows(fine.rgba.reshape(len(fine.rgba), -1), parts.weight, parts.count, rgba[rows])
         resolve_rows(fine.coverage, parts.weight, parts.count, coverage[rows])
-        # Depths are of a pixel's own square, by what is seen of them.
+        # Depths belong to a pixel's own square, weighted by visibility.
         alpha, own = fine.rgba[..., 3], np.empty((strip.last - strip.first, size[1], 2), np.float32)
         around = parts.margin * parts.count
         inner = slice(around, strip.shape[0] - around), slice(around, strip.shape[1] - around)
@@ -119,7 +119,7 @@ def painted_on_subpixels(
         first[rows] = blocks.min(axis=(1, 3))
         if progress is not None:
             progress(strip.last / size[0])
-    # Lobes of filters are negative beside what is bright.
+    # Filters' negative lobes undershoot beside bright pixels.
     rgba[..., 3] = np.clip(rgba[..., 3], 0, 1)
     np.maximum(rgba[..., :3], 0, out=rgba[..., :3])
     return Film(rgba, depth[..., 0], first, np.clip(coverage[..., 0], 0, 1))

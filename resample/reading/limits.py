@@ -84,7 +84,7 @@ def refused(what: str, found: str, name: str) -> LimitError:
 
 
 def check_size(what: str, count: int, name: str = "text") -> None:
-    """Reject a file whose size in bytes exceeds a named limit."""
+    """Reject a file with more bytes than a named limit."""
     if count > getattr(limits(), name):
         raise refused(what, amount(count), name)
 
@@ -129,7 +129,7 @@ def check_free(what: str, count: int) -> None:
 
 
 def check_file(path: str | Path) -> None:
-    """Reject a path at which there is no file; a folder is called one."""
+    """Reject a path without a file; the message names a folder as such."""
     if Path(path).is_dir():
         raise IsADirectoryError(errno.EISDIR, "is a folder; give a file in it", str(path))
     if not Path(path).is_file():
@@ -229,11 +229,11 @@ def check_members(what: str, members: Iterable[zipfile.ZipInfo], things: str) ->
 
 
 def check_member(what: str, member: zipfile.ZipInfo) -> None:
-    """Reject a member of a zip file whose size cannot be relied on."""
+    """Reject a member of a zip file if its stated size cannot be relied on."""
     if member.compress_type not in PLAIN:
         raise ValueError(
-            f"{what} has {member.filename!r:.100} packed by a method whose sizes cannot be relied "
-            "on; pack it by deflate, or not at all"
+            f"{what} has {member.filename!r:.100} packed by a method with unreliable sizes"
+            "; pack it by deflate, or not at all"
         )
 
 
@@ -261,7 +261,7 @@ def unpacked(data: Buffer, most: int, new: Callable[[], Any]) -> bytes:
 
 
 def unzstd(data: Any, most: int, size: int) -> Any:
-    """Unpack Zstandard data, whose frame states its size or whose blocks bound it.
+    """Unpack Zstandard data; the frame states the size, or blocks bound it.
 
     `most`: limit in bytes. `size`: if the bound exceeds `most`, the output must have this size.
     """

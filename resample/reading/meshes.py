@@ -111,7 +111,7 @@ def _things(tree: Tree, key: str, place: str = "") -> Iterator[tuple[str, Tree]]
 
 
 def _object(thing: Tree, name: str, place: str) -> Tree:
-    """Object under a key; empty if there is none."""
+    """Object under a key; empty if missing."""
     found = thing.get(name, {})
     if not isinstance(found, dict):
         raise ValueError(f"its {place} is {found!r:.40}, not an object")
@@ -172,12 +172,12 @@ def _check_accessor(tree: Tree, place: str, accessor: Tree) -> None:
     needed = start + (view.get("byteStride") or size) * (count - 1) + size
     if needed > view["byteLength"]:
         raise ValueError(
-            f"its {place} needs {needed} bytes, of which {view['byteLength']} are in its bufferView"
+            f"its {place} needs {needed} bytes, but its bufferView has {view['byteLength']}"
         )
 
 
 def _check_numbers(_: Tree, place: str, node: Tree) -> None:
-    """Reject a node whose transformation is invalid."""
+    """Reject a node with an invalid transformation."""
     for key, count in LENGTHS.items():
         given = node.get(key)
         if key in node and not (
@@ -207,7 +207,7 @@ def _check_material(tree: Tree, place: str, material: Tree) -> None:
 
 
 def _check_mesh(tree: Tree, place: str, mesh: Tree) -> None:
-    """Reject an empty mesh, and a primitive whose data are missing."""
+    """Reject an empty mesh, and a primitive with missing data."""
     if not mesh.get("primitives"):
         raise ValueError(f"its {place} has no primitives")
     for at, primitive in _things(mesh, "primitives", f"{place}.primitives"):
@@ -332,7 +332,7 @@ def _named(source: Path) -> Iterator[tuple[Path, bool]]:
                 for one in content.get(key, [])
             ]
         except (ValueError, AttributeError, TypeError):
-            return  # the reader reports what is wrong
+            return  # the reader reports the error
         check_items(source.name, len(told), "buffers and pictures")
         for name, is_texture in told:
             if isinstance(name, str) and not name.startswith("data:"):

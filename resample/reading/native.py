@@ -19,7 +19,7 @@ from resample.messages import one_line
 
 
 def plain(path: str | Path) -> str:
-    """Name of a file for any library; a link, removed at exit, where its own is no valid text."""
+    """Name of a file for any library; a link, removed at exit, if the name is not UTF-8."""
     name = str(path)
     try:
         name.encode()
@@ -97,7 +97,7 @@ def suppressed_output() -> Iterator[None]:
 
 
 def lacking(name: str, reader: str, error: ImportError, extra: str) -> ValueError:
-    """Return the error for a file whose reader is not installed."""
+    """Return the error for a file without an installed reader."""
     return ValueError(
         f"{name} is read by {reader}, and {error.name} is not installed: "
         f"pip install 'hybrid-resample[{extra}]'"

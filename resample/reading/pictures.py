@@ -102,13 +102,13 @@ class DisplayedInput:
 
 
 def displayed(source: Any, path: str | Path) -> Any:
-    """The open file, or its like if pixels are not seen as stored; refuse those of CIELAB."""
+    """The open file, or a copy if pixels are stored otherwise; reject CIELAB."""
     spec = source.spec()
     if spec.get_int_attribute("tiff:PhotometricInterpretation", -1) == CIELAB:
         raise ValueError(f"{path} is in CIELAB, which is not read; convert it to RGB")
     if _is_white(spec) and spec.format != "uint16":
         raise ValueError(
-            f"{path} is of the kind MinIsWhite, whose white is not known for {spec.format}; write "
+            f"{path} is of the kind MinIsWhite, but white is unknown for {spec.format}; write "
             "it as MinIsBlack"
         )
     is_seen = _has_window(source) or _is_white(spec)
@@ -117,7 +117,7 @@ def displayed(source: Any, path: str | Path) -> Any:
 
 
 def _has_window(source: Any) -> bool:
-    """Whether a file's display window is not that of its data; other formats than EXR have none."""
+    """Whether a file's display window differs from its data window; only EXR has one."""
     spec = source.spec()
     data, seen = (spec.x, spec.y, spec.width, spec.height), (spec.full_x, spec.full_y)
     return source.format_name() == "openexr" and data != (*seen, spec.full_width, spec.full_height)
@@ -384,7 +384,7 @@ def complaint_of(source: Any, unknown: str = "no reason is given") -> str:
     try:
         return str(source.geterror()).strip().partition("\n")[0].strip() or unknown
     except UnicodeDecodeError:  # it quotes a damaged file
-        return "it has letters that are no text"
+        return "it has invalid characters"
 
 
 def check_unopened(path: str | Path) -> None:

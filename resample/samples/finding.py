@@ -209,7 +209,7 @@ def _view(text: str) -> str:
 
 
 def _bases() -> Iterator[str]:
-    """Folders of samples, the best first: that of the data, the user's cache, a temporary one."""
+    """Folders of samples, the best first: the data folder, the user's cache, a temporary one."""
     from platformdirs import user_cache_dir
 
     places = (os.environ.get(FOLDER_VARIABLE), user_cache_dir("hybrid-resample"))

@@ -34,7 +34,7 @@ class FileView:
 
     `first`: painter that keeps what it has read; pages start from copies of it. `describe`:
     function that returns the facts for a page; called once. `refuse`: function that rejects invalid
-    options. `kinds`: settings of the kinds of pictures whose kernels are compiled in advance.
+    options. `kinds`: settings of the kinds of pictures to compile kernels for in advance.
     `left_out`: options of the command that a page does not offer. `little`: function that returns
     the painter of these kinds; None: one of the files.
     """

@@ -81,8 +81,8 @@ def application(
 ) -> "Starlette":
     """Web application that serves a view to clients with the token, from these hosts (with port).
 
-    The address at which a connection arrives will do as well: a name of another's that leads here
-    is none. `shown` is called when a page has received a complete picture.
+    The address at which a connection arrives is also accepted; a foreign host name that leads here
+    is not. `shown` is called when a page has received a complete picture.
     """
     from starlette.applications import Starlette
     from starlette.responses import Response
@@ -192,7 +192,7 @@ def _server(served: "Starlette") -> "uvicorn.Server":
 
 
 def _listening(host: str, port: int) -> tuple[socket.socket, list[str]]:
-    """Listen at an address; also its names with the port, first one that others can use."""
+    """Listen at an address; also return its names with the port, a public one first."""
     host = host.removeprefix("[").removesuffix("]")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     both = host == "::" and socket.has_dualstack_ipv6()

@@ -69,7 +69,7 @@ class Draw(_Message):
 
 
 class Pick(_Message):
-    """Describe what is visible at a position."""
+    """Describe the object at a position."""
 
     kind: Literal["pick"]
     x: Number  # px to the right; pixel centers are at halves
@@ -137,7 +137,7 @@ class PageSession:
 
     `view`: the view that the page shows. `send`: function that sends text or bytes to the page.
     `shown`: called when the page has received a complete picture. `begun`: initial options, set
-    outside the page; None: those of the view.
+    outside the page; None: the view's.
     """
 
     def __init__(

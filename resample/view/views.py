@@ -52,12 +52,12 @@ class Painter(Protocol):
         """Paint a picture with these options; `quick` requests a preview."""
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """Describe what is visible at a position of the picture, px; empty if nothing is."""
+        """Describe the object at a position of the picture, px; empty if none."""
 
 
 @runtime_checkable
 class Knowing(Protocol):
-    """Interface of painters with information on options; the questions are their own."""
+    """Interface of painters with information on options; each defines its questions."""
 
     def tell(self, settings: Settings, what: str) -> dict[str, Any]:
         """Answer a question of a page."""
@@ -103,14 +103,14 @@ class Filming(Protocol):
 
 @runtime_checkable
 class Warming(Protocol):
-    """Interface of views whose other kinds of pictures can be compiled in advance."""
+    """Interface of views that compile other kinds of pictures in advance."""
 
     def warm(self) -> Iterator[None]:
         """Paint a tiny picture of each kind that pages may request, one per step."""
 
 
 class Viewable(Protocol):
-    """Interface of what pages can show.
+    """Interface of objects that pages can show.
 
     A plugin of the group `resample.views` has the name of an application with a command `view`. It
     is a function that tells whether the command can show files with such names.
@@ -120,11 +120,11 @@ class Viewable(Protocol):
     def about(self) -> dict[str, Any]:
         """Description of the view for a page, as JSON values.
 
-        `title`; `command`, its `inputs` and `fixed` options; `package` whose `viewing` has a
+        `title`; `command`, its `inputs` and `fixed` options; `package` with a `viewing` that has a
         `function` (`picture`) of inputs and options; if there is a `film` through keyframes, its
         `command`, the name of their `file`, the options that they set (`steered`), those it has
         (`options`; default all) and, if needed, the frames from `each` keyframe to the next;
-        `controls` from `controls_of`; initial `settings`, whose camera may be changed so that the
+        `controls` from `controls_of`; initial `settings`; their camera may be changed so that the
         object `fills` the picture ("outside": the eye is never in its midst); other renderers
         (`rivals`) by name, with the reason if one is unavailable; `names` that options may have,
         by option; and data of its page, such as a `histogram`.
@@ -188,8 +188,8 @@ def check_page_options(command: str, options: Settings, begun: Settings) -> None
         is_known = key in begun and begun[key] == value
         if key in marks and not is_known and about(marks[key], value) is not OptionTopic.APPEARANCE:
             raise ValueError(
-                f"{key} {value!r:.60}: a page only changes the look; give what is read or "
-                "written on the command line, or in Python"
+                f"{key} {value!r:.60}: a page only changes the look; give inputs and "
+                "outputs on the command line, or in Python"
             )
 
 
@@ -207,7 +207,7 @@ def settings_of(choices: Sequence[Choices]) -> dict[str, Any]:
 
 
 def projection_of(view: View, size: Size, middle: ArrayLike = (0.0, 0.0, 0.0)) -> dict[str, Any]:
-    """Return, as JSON, how points around `middle` of the scene come to pixels of a picture."""
+    """Return, as JSON, the projection of points around `middle` of the scene to pixels."""
     return {
         "rotation": view.rotation.tolist(),
         "translation": (view.translation + view.rotation @ np.asarray(middle)).tolist(),
@@ -219,7 +219,7 @@ def projection_of(view: View, size: Size, middle: ArrayLike = (0.0, 0.0, 0.0)) -
 
 
 def placed_by(camera: Any, size: Size) -> dict[str, Any]:
-    """Return what a page is told of a camera, so that it can draw lines; of lenses, nothing."""
+    """Return a camera's data for a page, to draw lines; nothing for lenses."""
     is_straight = isinstance(camera, Orthographic) or (
         isinstance(camera, Camera)
         and camera.distortion is None
@@ -229,7 +229,7 @@ def placed_by(camera: Any, size: Size) -> dict[str, Any]:
 
 
 def is_free(choices: Sequence[Choices]) -> bool:
-    """Return whether no camera was given, so that a page may choose one that the object fills."""
+    """Return whether no camera was given, so that a page may frame the object."""
     return not settings_of(choices).keys() & {"camera", "intrinsics", "panorama"}
 
 

@@ -39,7 +39,7 @@ class Viewer(anywidget.AnyWidget):
     view
         The view to show.
     settings
-        Initial options, in addition to those of the view.
+        Initial options, in addition to the view's.
     holds
         Folder of temporary files that lives as long as the widget.
 
@@ -88,7 +88,7 @@ class Viewer(anywidget.AnyWidget):
         super().close()
 
     def _given(self) -> dict[str, Any]:
-        """Settings without those that only the page sets."""
+        """Settings, except those that only the page sets."""
         return {key: value for key, value in self.settings.items() if value != ""}
 
     @traitlets.validate("settings")
@@ -120,7 +120,7 @@ class Viewer(anywidget.AnyWidget):
             send = partial(self._say, page)
             self._sessions[page] = PageSession(self._view, send, begun=lambda: self.settings)
             about = {**self._view.about, "settings": self.settings, "width": self._size[0]}
-            about["fills"] = False  # the settings are those of the notebook
+            about["fills"] = False  # the notebook has the settings
             await send(json.dumps({"kind": "about", **about}))
         elif content.get("kind") == "closed":
             await self._forget(page)
@@ -147,14 +147,14 @@ class Viewer(anywidget.AnyWidget):
 
 
 def named(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Options as on the page, spelled as in Python (`opacity_unit`) or as there."""
+    """Options as on the page, spelled as in Python (`opacity_unit`) or as on the page."""
     return {key.replace("_", "-"): value for key, value in settings.items()}
 
 
 def kept(
     name: str, given: Any, write: Callable[[Path, Any], object], folder: Folder | None = None
 ) -> tuple[str, Folder | None]:
-    """File of what a notebook shows; an array is written to a temporary folder, given or new."""
+    """File of a notebook's object; an array is written to a temporary folder, given or new."""
     if isinstance(given, str | Path):
         return str(given), folder
     folder = folder or TemporaryDirectory(prefix="view-")

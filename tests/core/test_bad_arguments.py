@@ -243,7 +243,7 @@ def test_a_bad_argument_is_refused_in_one_line(
 
 OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
     "method": (lambda: texture.warp(PICTURE, ONE, SHAPE, 3), "method 3; give a name"),
-    "region": (lambda: texture.warp(PICTURE, ONE, SHAPE, roi=4), "4 is no region: give left, top"),
+    "region": (lambda: texture.warp(PICTURE, ONE, SHAPE, roi=4), "4 is not a region: give left"),
     "look": (lambda: volume.render(CUBE, b"a", size=SIZE), "transfer b.a.; give a name"),
     "resampler": (
         lambda: volume.render(CUBE, "0..2", resampler="rays"),

@@ -299,7 +299,7 @@ def test_results_that_show_nothing_are_told(capsys, tmp_path, monkeypatch):
         "volume render checker-box --transfer 5..9 --size 16 -o a.png": "its values go from",
         "points render scan.ply --range 5000..9000 --color-by x --size 16 -o a.png": "no value;",
         "warp3d stereo photo.jpg depth.png --fraction 0 -o a.png": "both pictures are the same",
-        "points render scan.ply --colormap hot --size 16 -o a.png": "--color-by names one",
+        "points render scan.ply --colormap hot --size 16 -o a.png": "choose one by --color-by",
         "texture rectify photo.jpg --corners 0,0;1,0;1,1;0,1 -o a.png": "not shares",
         "volume render checker-box --fov 1.04 --size 16 -o a.png": "if radians are meant",
     }.items():

@@ -33,8 +33,8 @@ def put(folder, tree):
 
 NONSENSE = [
     (("accessors", 0, "byteOffset"), -4, "0 or more"),
-    (("accessors", 0, "byteOffset"), 1 << 40, "bytes, of which 36"),
-    (("accessors", 0, "count"), 1 << 40, "bytes, of which 36"),
+    (("accessors", 0, "byteOffset"), 1 << 40, "but its bufferView has 36"),
+    (("accessors", 0, "count"), 1 << 40, "but its bufferView has 36"),
     (("accessors", 0, "count"), 0, "1 or more"),
     (("accessors", 0, "count"), "3", "1 or more"),
     (("accessors", 0, "type"), "VEC9", "SCALAR, VEC2"),

@@ -176,9 +176,9 @@ def test_light_of_exr_is_that_of_srgb(levels):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda icc: icc.replace(b"rXYZ", b"zXYZ"), "its profile is no matrix with curves"),
+        (lambda icc: icc.replace(b"rXYZ", b"zXYZ"), "its profile is not of the type matrix/TRC"),
         (lambda icc: icc.replace(b"para", b"what"), "curves of an unknown kind"),
-        (lambda icc: icc[:140], "its profile is no matrix with curves"),
+        (lambda icc: icc[:140], "its profile is not of the type matrix/TRC"),
     ],
 )
 def test_other_profiles_are_refused_in_a_line(levels, change, words):

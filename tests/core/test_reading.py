@@ -227,9 +227,9 @@ def test_metaimage_headers_that_end_itk_s_process_are_refused(axes, line, tmp_pa
 @pytest.mark.parametrize("name", ["%s%n", "%s%n 1 2 1", "a%d%d.raw 1 2 1", "a%99999d.raw 1 2 1"])
 def test_patterns_of_names_that_printf_would_obey_are_refused(name, tmp_path):
     text = MHD.format("3", "") + f"ElementDataFile = {name}\n"
-    refused(MetaImage(), put(tmp_path / "a.mhd", text), match="is no pattern of names")
+    refused(MetaImage(), put(tmp_path / "a.mhd", text), match="is not a pattern of names")
     nrrd = NRRD.format("").replace("a.raw", name)
-    refused(Nrrd(), put(tmp_path / "a.nhdr", nrrd), match="is no pattern of names")
+    refused(Nrrd(), put(tmp_path / "a.nhdr", nrrd), match="is not a pattern of names")
 
 
 def test_lenses_that_end_opencv_s_process_are_refused(tmp_path):

@@ -101,7 +101,7 @@ def test_a_file_with_settings_makes_nobody_connect(attack, kind, listener, capsy
     given = picture_of(text) if kind == "png" else "foreign.toml"
     assert ended(*RENDER, "--settings", given) == 0
     option = attack.partition(" ")[0]
-    assert f"{given}: {option} left out, as settings only say how a picture looks" in (
+    assert f"{given}: {option} left out, as settings only set a picture's look" in (
         capsys.readouterr().err
     )
     assert met == []
@@ -244,7 +244,7 @@ def test_what_is_read_is_not_kept_which_is_said(capsys):
     kept = {"command": "resample-volume render", "ambient": 0.5, "size": "16"}
     assert tomllib.loads(Path("kept.toml").read_text()) == kept
     assert tomllib.loads(settings_in(Path("box.png"))) == kept
-    assert "kept.toml: camera not kept, as settings do not say what is read" in (
+    assert "kept.toml: camera not saved, as settings do not name inputs" in (
         capsys.readouterr().err
     )
 

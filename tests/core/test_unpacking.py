@@ -82,8 +82,8 @@ def test_zip_files_whose_sizes_cannot_be_relied_on_are_refused(by, tmp_path):
     for name in ("a.npz", "a.3mf"):
         with zipfile.ZipFile(tmp_path / name, "w") as packed:
             packed.writestr("a.npy", DATA, by)
-    refused(read_npz, tmp_path / "a.npz", match="packed by a method whose sizes cannot be relied")
-    refused(check_mesh, tmp_path / "a.3mf", match="packed by a method whose sizes cannot be relied")
+    refused(read_npz, tmp_path / "a.npz", match="packed by a method with unreliable sizes")
+    refused(check_mesh, tmp_path / "a.3mf", match="packed by a method with unreliable sizes")
 
 
 @pytest.mark.usefixtures("tight")

@@ -259,7 +259,7 @@ add("NIfTI", "srow", "differs from qform", lambda folder: Truth(
 ), told="sform and qform differ; qform is used")  # fmt: skip
 add("NIfTI", "scl_slope", "nan", lambda folder: Truth(
     nifti(folder, **TURNED, scale=(math.nan, 5)), origin=LPS @ (5, 6, 7), turn=LPS @ TURN
-), told="scl_slope nan and scl_inter 5 are no scale")  # fmt: skip
+), told="scl_slope nan and scl_inter 5 are not a scale")  # fmt: skip
 for case, size in (("0", 0.0), ("negative", -2.5), ("nan", math.nan)):
     add("NIfTI", "pixdim", case, lambda folder, size=size: nifti(
         folder, **TURNED, pixdim=(1, 0.75, 0.5, size)
@@ -564,7 +564,7 @@ add("ImageJ TIFF", "spacing", "missing", lambda folder: MICRON_STACK._replace(
 ), told="no distance of slices is stated")  # fmt: skip
 add("ImageJ TIFF", "cf", "a curve", lambda folder: MICRON_STACK._replace(
     path=imagej(folder, cf=3, c0=1, c1=2)
-), told="its calibration of values is no line")  # fmt: skip
+), told="its calibration of values is not linear")  # fmt: skip
 add("ImageJ TIFF", "slices", "more than there are", lambda folder: described(
     folder, "ImageJ=1.53t\nimages=9\nslices=9\n"
 ), refused="has 5 pages and says that they are")  # fmt: skip

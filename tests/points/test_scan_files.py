@@ -103,7 +103,7 @@ def test_scans_of_kitti_and_nuscenes_are_gray_by_their_intensity(tmp_path, name)
         (b"\0" * 15, "not a multiple of 16"),
         (b"", "not a multiple of 16"),
         (struct.pack("<4f", 0, np.nan, 0, 0), "NaN"),
-        (struct.pack("<2d", 1234.5678, -0.1), "no scan of KITTI"),
+        (struct.pack("<2d", 1234.5678, -0.1), "not a KITTI scan"),
     ],
 )
 def test_bytes_that_are_no_scan_are_refused(tmp_path, content, message):

@@ -111,7 +111,7 @@ def test_opacity_and_sums_say_themselves_where_nothing_is():
 def test_values_that_a_type_does_not_hold_are_refused(choices, message):
     with pytest.raises(ValueError, match=message):
         warp(np.zeros((8, 8), np.uint8), TURNED, FRAME, **choices)
-    with pytest.raises(ValueError, match="a masked array says what is missing; leave nodata out"):
+    with pytest.raises(ValueError, match="a masked array marks missing values; leave nodata"):
         warp(np.ma.MaskedArray(np.zeros((8, 8))), TURNED, FRAME, nodata=0)
 
 

@@ -86,7 +86,7 @@ def test_a_full_palette_says_that_what_is_not_covered_has_a_color(capsys):
     image.save("in.png")
     assert ended(*TURNED, "--method", "nearest") == 0
     assert read("out.png")[0][0, 0] == 0
-    assert "out.png has no color to spare" in capsys.readouterr().err
+    assert "out.png has no free palette entry" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", [("--background", "white"), ("--bits", "16")])

@@ -528,7 +528,7 @@ def test_a_target_has_at_least_one_pixel_and_fits_in_memory(shape):
 
 @pytest.mark.parametrize("shape", [5, (5,), (5, 5, 3), (2.5, 3), ("5", "5")])
 def test_a_shape_is_two_whole_numbers(shape):
-    with pytest.raises(ValueError, match="is no height and width: give two whole numbers"):
+    with pytest.raises(ValueError, match="is not height and width: give two whole numbers"):
         warp(picture(), np.eye(3), shape)
 
 

@@ -214,7 +214,7 @@ def test_a_generated_volume_assumes_nothing(capsys):
 def test_an_unknown_unit_of_spacing_is_refused(capsys):
     np.save("a.npy", VALUES)
     error = refused(app, capsys, "info", "a.npy", "--spacing", "1x1x2ell")
-    assert "'ell' is no unit of length; give km, m, dm, cm, mm, µm, nm" in error
+    assert "'ell' is not a unit of length; give km, m, dm, cm, mm, µm, nm" in error
 
 
 # Labels

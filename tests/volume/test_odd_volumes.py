@@ -188,7 +188,7 @@ def test_what_is_found_is_said(capsys):
     lines = [line.removeprefix("resample: ") for line in capsys.readouterr().err.splitlines()]
     assert lines == [
         f"{ring().sum()} voxels of -2000 are taken for padding and left out",
-        "values look like Hounsfield units and are taken for them (--units none: they are not)",
+        "values look like Hounsfield units, so they are assumed to be; if not, --units none",
         "224 voxels above 2500 HU are metal",
         "no spacing is stated; voxels of 1 x 1 x 1 are assumed (--spacing sets it)",
     ]

@@ -543,7 +543,7 @@ def test_a_damaged_dicom_slice_is_refused(values, tmp_path):
 def test_a_cut_off_npy_is_refused(values, tmp_path):
     np.save(tmp_path / "a.npy", values)
     put(tmp_path / "a.npy", (tmp_path / "a.npy").read_bytes()[:-100])
-    refused(Npy(), tmp_path / "a.npy", "a.npy is no array of numbers, or cut off")
+    refused(Npy(), tmp_path / "a.npy", "a.npy is not an array of numbers, or cut off")
 
 
 def test_pickled_npy_is_refused(tmp_path):

@@ -153,7 +153,7 @@ def test_a_file_is_preferred_to_a_generated_volume(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("text", ["sise=8", "size=8.5", "size", "size=", "size=1,,"])
 def test_wrong_parameters_name_the_right_ones(text):
-    with pytest.raises(ValueError, match="is no parameter; checker-box takes size=100, block=10"):
+    with pytest.raises(ValueError, match="not a parameter; checker-box takes size=100, block=10"):
         open_volume(f"checker-box:{text}")
 
 

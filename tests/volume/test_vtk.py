@@ -190,7 +190,7 @@ def test_rectilinear_grids_of_legacy_files(kind, form, tmp_path, rng):
     [
         ("POLYDATA", "a surface; write it as PLY or STL"),
         ("FIELD", "arrays without a place"),
-        ("FISH", "'FISH', nothing that is known; known are STRUCTURED_POINTS"),
+        ("FISH", "'FISH', unknown; known are STRUCTURED_POINTS"),
     ],
 )
 def test_other_kinds_of_legacy_files_are_called_what_they_are(kind, match, tmp_path):
@@ -224,7 +224,7 @@ TEXT = start("ASCII") + b"POINT_DATA 60\n" + scalars(np.zeros((12, 5)), "float",
         (WHOLE.replace(b"density float", b"density string"), "numbers of type 'string'; known"),
         (WHOLE.replace(b"density float", b"density"), "has too few words"),
         (WHOLE.replace(b"density float", b"density float -1"), "no count of numbers"),
-        (WHOLE.replace(b"SCALARS", b"FISHES"), "'FISHES' is no word of its format"),
+        (WHOLE.replace(b"SCALARS", b"FISHES"), "unknown keyword 'FISHES'"),
         (WHOLE.replace(b"density float", b"density float 99999999999999"), "is cut off"),
         (start() + b"POINT_DATA 60\nFIELD a 99999999\n", "over the limit"),
         (start() + b"POINT_DATA 60\nFIELD a 1\n", "has too few words"),

@@ -334,7 +334,7 @@ def test_a_black_picture_of_sums_is_said_to_be_one(values, said):
     volume = as_volume(np.zeros((4, 4, 4), np.float32))
     assert rendering._emptiness(frame, volume, Projection.ADDITIVE) == said
     if said is not None:
-        said = "the picture is black: no ray meets anything that attenuates"
+        said = "the picture is black: no ray meets an attenuating voxel"
     assert rendering._emptiness(frame, volume, Projection.XRAY) == said
 
 
@@ -342,7 +342,7 @@ def test_a_black_picture_of_sums_is_said_to_be_one(values, said):
 def test_air_alone_is_said(capsys):
     np.save("water.npy", np.full((8, 8, 8), AIR, np.float32))
     assert ended("render", "water.npy", "-o", "out.png", *SMALL, *BY_XRAY) == 0
-    assert "no ray meets anything that attenuates" in capsys.readouterr().err
+    assert "no ray meets an attenuating voxel" in capsys.readouterr().err
 
 
 def test_methods_are_not_compared_by_x_rays(capsys):

@@ -546,7 +546,7 @@ def test_damaged_recordings_are_refused(tmp_path):
     with pytest.raises(LookupError, match=r"has no rgbd/7.depth; it may have fewer frames"):
         read_depth(f"{tmp_path}/scan.r3d:7")
     (tmp_path / "cut.r3d").write_bytes((tmp_path / "scan.r3d").read_bytes()[:300])
-    with pytest.raises(OSError, match="no recording of Record3D, or damaged"):
+    with pytest.raises(OSError, match="not a Record3D recording, or is damaged"):
         read_depth(tmp_path / "cut.r3d")
 
 

@@ -1,4 +1,4 @@
-"""Render and film whatever holds points in one call: arrays, clouds, 3D Gaussians, files."""
+"""Render and film arrays, clouds, 3D Gaussians and files in one call."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -120,7 +120,7 @@ def render(
     Raises
     ------
     ValueError, TypeError
-        The scene holds nothing that can be drawn, or a choice does not go with it.
+        The scene is empty, or a choice does not go with it.
     OSError
         The file is missing or damaged.
 
@@ -270,7 +270,7 @@ def animate(
 
 
 def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
-    """Open what `render` takes: a file of points or of 3D Gaussians, or positions (N, 3).
+    """Open an input of `render`: a file of points or of 3D Gaussians, or positions (N, 3).
 
     Raises
     ------

@@ -184,7 +184,7 @@ def info(
     *,
     as_json: Annotated[bool, OptionTopic.APPEARANCE, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Print what a file holds: points or 3D Gaussians, their number, bounds and columns.
+    """Print the number, bounds and columns of a file's points or 3D Gaussians.
 
     For example:
 

@@ -73,7 +73,7 @@ class CloudScene(AnyScene):
 
     @cached_property
     def fewer(self) -> "CloudScene":
-        """The scene of at most 200,000 points, each of which stands for several; for previews."""
+        """The scene of at most 200,000 points, each for several; for previews."""
         surfels = self.surfels
         per = -(-len(surfels.position) // FEW)
         if per < 2:
@@ -150,7 +150,7 @@ class CloudScene(AnyScene):
         size: tuple[int, int] = (640, 480),
         **choices: Any,
     ) -> PickedPoint | None:
-        """Return what is visible at a point of the picture; None if nothing is.
+        """Return the visible point at a position of the picture; None if empty.
 
         Parameters
         ----------
@@ -174,7 +174,7 @@ class CloudScene(AnyScene):
         style: CloudStyle | None = None,
         threads: int | None = None,
     ) -> NDArray[np.int64]:
-        """Return which point each pixel shows, as `index_cloud` does; `camera` as in `render`."""
+        """Return each pixel's point index, as `index_cloud` does; `camera` as in `render`."""
         eye = self.camera(camera, size)
         return index_cloud(self.surfels, eye, size=size, style=style, threads=threads)
 
@@ -245,7 +245,7 @@ def _zoomed(camera: Camera, zoom: float) -> Camera:
 
 
 def film_job(cameras: Sequence[Any], shape: Shape, background: Any) -> dict[str, Any]:
-    """Return what the frames of every film depend on."""
+    """Return the data that frames of every film depend on."""
     from resample.files.animations import fingerprint
     from resample.lazy import installed_version
 

@@ -34,7 +34,7 @@ MARGIN = 3  # px of a map around a region, beyond the filter, from which pixel s
 REFLECT_101 = "reflect-101"  # as `mirror`, about the outermost texels' centers: d c b | a b c d
 
 Places = Callable[[Any, Any], Any]  # from x and y in the target to x and y in the source
-MOST_CHANNELS = 15  # of an array whose last axis is not named
+MOST_CHANNELS = 15  # of an array with an unnamed last axis
 MOST_COLORS = 4  # so many numbers are likelier channels than columns of narrow frames
 CHANNELS: Literal[-1] = -1
 PREMULTIPLIED: Literal["premultiplied"] = "premultiplied"
@@ -114,7 +114,7 @@ def within(
         left, top, width, height = (operator.index(side) for side in roi)
     except (TypeError, ValueError):
         raise ValueError(
-            f"{shortly(roi)} is no region: give left, top, width and height, whole numbers of px"
+            f"{shortly(roi)} is not a region: give left, top, width and height, whole numbers of px"
         ) from None
     if left < 0 or top < 0 or left + width > shape[1] or top + height > shape[0]:
         raise ValueError(f"the region {roi} does not lie within {shape[1]} × {shape[0]} px")
@@ -162,7 +162,7 @@ def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]
         numbers = []
     if len(numbers) != 2:
         raise ValueError(
-            f"{shortly(given)} is no {first} and {second}: give two whole numbers of px"
+            f"{shortly(given)} is not {first} and {second}: give two whole numbers of px"
         )
     return numbers[0], numbers[1]
 
@@ -183,7 +183,7 @@ def adds(method: Method) -> bool:
 
 
 def check_sums(dtype: np.dtype[Any], method: Method) -> None:
-    """Reject sums of whole numbers, whose types do not hold them."""
+    """Reject sums of whole numbers, which overflow their types."""
     if dtype.kind in "bui" and adds(method):
         raise ValueError(f"sums do not fit {dtype}; give floats: image.astype('float32')")
 
@@ -208,7 +208,7 @@ def fill_for(fill: Fill | None, image: Any, alpha: AnyAlpha | None, method: Meth
     if isinstance(fill, complex) and not is_complex:
         raise ValueError(f"fill {fill!r} of a picture of {image.dtype}; give a real number")
     if image.dtype.kind in "bui" and not _holds(image.dtype, fill):
-        raise ValueError(f"fill {fill!r} is no {image.dtype}; give a value of that type")
+        raise ValueError(f"fill {fill!r} does not fit {image.dtype}; give a value of that type")
     return fill
 
 
@@ -221,19 +221,19 @@ def _holds(dtype: np.dtype[Any], value: Any) -> bool:
 
 
 def without_nodata(image: NDArray[Any], nodata: complex | None) -> NDArray[Any]:
-    """Mask the value that stands for missing ones."""
+    """Mask the value for missing data."""
     if nodata is None:
         return image
     if isinstance(image, np.ma.MaskedArray):
-        raise ValueError("a masked array says what is missing; leave nodata out")
+        raise ValueError("a masked array marks missing values; leave nodata out")
     if image.dtype.kind in "bui" and not _holds(image.dtype, nodata):
-        raise ValueError(f"nodata {nodata!r} is no {image.dtype}; give a value of that type")
+        raise ValueError(f"nodata {nodata!r} does not fit {image.dtype}; give a value of that type")
     missing = np.isnan(image) if np.isnan(nodata) else image == image.dtype.type(nodata)
     return np.ma.MaskedArray(image, missing)
 
 
 def warn_if_unknown(image: NDArray[Any]) -> None:
-    """Warn of pictures whose values are all missing."""
+    """Warn of pictures with only missing values."""
     if image.size and image.dtype.kind in "fc" and not np.isfinite(image.flat[0]):
         known = np.isfinite(np.ma.getdata(image)) & ~np.ma.getmaskarray(image)
         if not known.any():
@@ -295,7 +295,7 @@ class GivenPictures(NamedTuple):
 def given_pictures(
     given: Any, axis: AnyAxis | None = None, matrices: int | None = None, kinds: str = "biufc"
 ) -> GivenPictures:
-    """Read what `warp` takes as a picture or a stack; see `axis_of`."""
+    """Read an argument of `warp` as a picture or a stack; see `axis_of`."""
     values, is_encoded = given, None
     if type(given) not in (np.ndarray, np.ma.MaskedArray) or given.dtype.kind not in kinds:
         values, is_encoded = picture_and_encoding(given, kinds=kinds)
@@ -306,7 +306,7 @@ def given_pictures(
 
 
 def axis_of(image: Any, axis: AnyAxis | None = None, matrices: int | None = None) -> AnyAxis | None:
-    """Return which axis of an array does not belong to a picture: 0, -1, or None.
+    """Return the axis of an array that does not belong to a picture: 0, -1, or None.
 
     `axis`: as `warp` takes it; by default three dimensions are a picture of up to 15 channels,
     unless there is a matrix for each frame. `matrices`: number of matrices, if they are a stack.
@@ -346,7 +346,7 @@ def axis_of(image: Any, axis: AnyAxis | None = None, matrices: int | None = None
 
 
 def matrices_in(given: Any, shape: Size) -> NDArray[Any] | None:
-    """Return matrices (N, 3, 3) or (N, 2, 3), if that is given; `shape`: of the target."""
+    """Return matrices (N, 3, 3) or (N, 2, 3), if given; `shape`: of the target."""
     if callable(given) or not isinstance(given, list | tuple | np.ndarray):
         return None
     try:
@@ -428,7 +428,7 @@ def resized(
 
 
 def _side(name: str, given: int | None, following: float) -> int:
-    """Return a side, px: as given, or else in proportion to the other."""
+    """Return a side, px: as given, or in proportion to the other."""
     if given is not None and not (hasattr(given, "__index__") and given > 0):
         raise ValueError(f"{name} {shortly(given)}; give a whole number of px, 1 or more")
     return _rounded(following) if given is None else int(given)

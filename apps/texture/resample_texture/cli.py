@@ -303,7 +303,7 @@ def rectify(
     Parameters
     ----------
     corners
-        x,y of four corners: those of the page in px of the photo, in any order.
+        x,y of four corners: the page's, in px of the photo, in any order.
     size
         Size in px: 400 for a square, 640x480 for width and height. [default: the page's sides in
         the photo]
@@ -333,7 +333,7 @@ def info(
     *,
     as_json: Annotated[bool, OptionTopic.APPEARANCE, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Print what pictures and films say of themselves, and what is assumed of their colors.
+    """Print metadata of pictures and films, and assumptions about their colors.
 
     For example:
 

@@ -128,7 +128,7 @@ def drawn(image: NDArray[Any], drawing: Drawing) -> Warped:
 
 
 def prepared(drawing: Drawing, size: Size) -> Drawing:
-    """Prepare the method for many pictures (height, width), if it can and the edge is its own."""
+    """Prepare the method for many pictures (height, width), if it can and handles the edge."""
     method: Any = drawing.method
     if not hasattr(method, "planned") or drawing.edge == REFLECT_101 or 0 in size:
         return drawing
@@ -225,7 +225,7 @@ def finished(warped: Warped, encoding: Encoding, fill: Any = None) -> Warped:
 
 
 def filled(warped: Warped, fill: Any) -> WarpedMeans:
-    """Put a value, or a mask, where nothing covers a pixel."""
+    """Put a value, or a mask, in uncovered pixels."""
     image, is_empty = warped.image, warped.coverage == 0.0
     if isinstance(image, np.ma.MaskedArray):
         is_all = is_empty.reshape(is_empty.shape + (1,) * (image.ndim - is_empty.ndim))
@@ -375,7 +375,7 @@ def _stretches(places: Integers) -> Iterator[tuple[slice, slice]]:
 def _part_of(
     image: Any, drawing: Drawing, window: PictureWindow
 ) -> tuple[NDArray[Any], Drawing, tuple[slice, slice]]:
-    """Return the part of a picture that a window shows, its drawing, and its part of that."""
+    """Return a window's part of a picture, its drawing, and its part of the drawing."""
     size, (left, top, right, bottom) = (image.shape[0], image.shape[1]), window.target
     geometry, shape, inner = drawing.geometry, (bottom - top, right - left), np.s_[:, :]
     if isinstance(geometry, BackwardMap):
@@ -454,7 +454,7 @@ def picked(image: NDArray[Any], picks: Picks, alpha: AnyAlpha | None = None) -> 
 
 
 def _run_with_gaps(drawing: Drawing, texels: Floats, gaps: int) -> Warped:
-    """Warp texels whose last channels mark where values exist."""
+    """Warp texels with last channels that mark existing values."""
     channels = texels.shape[2] - gaps
     # Up to four channels are warped alone, with the bits that they have without missing values.
     if gaps == 0 or channels > 4:

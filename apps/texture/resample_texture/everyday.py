@@ -70,7 +70,7 @@ def resize(
         `stretch` for two.
     box
         Left, top, right and bottom, px, of the part of the picture to take, as Pillow has them.
-        What is around it counts only where an interpolation reaches beyond.
+        Its surroundings count only where an interpolation reaches beyond.
     method
         Name, or an object with its own options, such as `Hybrid(filter="gaussian:sigma=0.5")`.
     edge
@@ -229,7 +229,7 @@ def undistort(
     rotation
         OpenCV's R (3, 3) from the camera's axes to the result's; by default none.
     fisheye
-        The coefficients are those of `cv2.fisheye`.
+        The coefficients follow `cv2.fisheye`.
     inverse
         Add the distortion to a picture without.
 
@@ -351,7 +351,7 @@ def project(
 def _drawn(
     picture: NDArray[Any], before: PictureProjection, ray: NDArray[Any], choices: ProjectOptions
 ) -> Warped:
-    """Draw what directions (h, w, 3) show."""
+    """Draw a picture by its directions (h, w, 3)."""
     from scipy import ndimage
 
     form, made = (ray.shape[0], ray.shape[1]), None

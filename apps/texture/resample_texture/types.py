@@ -30,7 +30,7 @@ class Alpha(StrEnum):
 
 
 AnyAlpha = Alpha | Literal["straight", "premultiplied", "none"]
-AnyLight = bool | Literal["pixels"]  # what is filtered in linear light
+AnyLight = bool | Literal["pixels"]  # stages filtered in linear light
 AnyAxis = Literal[0, -1, 2]  # of frames, or of channels
 FRAMES: Literal[0] = 0
 Fill = complex | Literal["premultiplied"]  # value of pixels that nothing is known of
@@ -75,7 +75,7 @@ class Warped(Showable, _Warped):
 
     @property
     def mean(self) -> NDArray[Any]:
-        """Mean of what covers each pixel; not a number where nothing covers it.
+        """Mean of the values that cover each pixel; NaN where none do.
 
         float32, or float64 if the picture's values do not fit into float32.
         """
@@ -90,7 +90,7 @@ class Warped(Showable, _Warped):
 
 
 class WarpedMeans(Warped):
-    """Warped measurements: each pixel is the mean of what covers it, however little that is.
+    """Warped measurements: each pixel is the mean of the values that cover it, however little.
 
     Examples
     --------
@@ -106,7 +106,7 @@ class WarpedMeans(Warped):
 
     @property
     def mean(self) -> NDArray[Any]:
-        """Mean of what covers each pixel; not a number where nothing covers it."""
+        """Mean of the values that cover each pixel; NaN where none do."""
         image = np.ma.getdata(self.image)
         mean = image.astype(np.result_type(image.dtype, np.float32))
         mean[self.coverage == 0.0] = np.nan
@@ -123,7 +123,7 @@ class Previewed(Warped):
 
 
 class SamplingOptions(TypedDict, total=False):
-    """Options of methods, as `warp` describes them: how texels become pixels."""
+    """Options of methods, as `warp` describes them: conversion of texels to pixels."""
 
     filter: PixelFilter | str | None  # pixel filter
     interpolation: Interpolation | str | None  # between texels
@@ -132,34 +132,34 @@ class SamplingOptions(TypedDict, total=False):
 
 
 class PlaceOptions(TypedDict, total=False):
-    """What coordinates of a matrix or a function mean, as `warp` describes it."""
+    """Meaning of coordinates of a matrix or a function, as `warp` describes it."""
 
     convention: AnyConvention
     inverse: bool  # whether the matrix maps target to source
 
 
 class StackOptions(TypedDict, total=False):
-    """What the axes of an array are, as `warp` describes it."""
+    """Meaning of an array's axes, as `warp` describes it."""
 
     axis: AnyAxis | None
 
 
 class MissingOptions(TypedDict, total=False):
-    """Values that stand for missing ones, as `warp` describes them."""
+    """Values for missing data, as `warp` describes them."""
 
     nodata: complex | None
     fill: Fill | None
 
 
 class ValueOptions(MissingOptions, total=False):
-    """What values of a picture mean, as `warp` describes it."""
+    """Meaning of a picture's values, as `warp` describes it."""
 
     linear_light: AnyLight | None
     alpha: AnyAlpha | None
 
 
 class ResultOptions(TypedDict, total=False):
-    """What is computed, and where it goes, as `warp` describes it."""
+    """Target and options of a warp, as `warp` describes them."""
 
     roi: tuple[int, int, int, int] | None
     threads: int | None
@@ -197,7 +197,7 @@ class PictureSceneOptions(PlaceOptions, MissingOptions, total=False):
 class Method(Protocol):
     """Role of a warping method.
 
-    A plugin is a class whose constructor takes options by name and refuses bad ones with a
+    A plugin is a class; its constructor takes options by name and rejects bad ones with a
     `ValueError`.
     """
 

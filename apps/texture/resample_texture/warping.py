@@ -78,11 +78,11 @@ def warp(
     matrix
         (3, 3) homography or (2, 3) affine map from source to target, or one for each frame or
         result, (N, 3, 3) or (N, 2, 3); or a `Homography`, a `ForwardMap` or a `BackwardMap`; or a
-        function from x and y of pixels, (height, width) each, to those of the source; or the pair
+        function from x and y of pixels, (height, width) each, to x and y of the source; or the pair
         `(map_x, map_y)` as `cv2.remap` takes it, or a transform of scikit-image from source to
-        target, both of which count from pixel centers, whatever the `convention`.
+        target; both count from pixel centers, whatever the `convention`.
     shape
-        Height and width of the target, px; None: those of the maps, or of the picture.
+        Height and width of the target, px; None: the maps', or the picture's.
     method
         Name such as `hybrid`, `paper` or `opencv-supersample:n=8`, or an object in that role.
         `nearest` and `majority` are for labels: they copy texels without mixing them.
@@ -122,7 +122,7 @@ def warp(
     nodata
         Value that stands for missing ones, also in the result.
     fill
-        Value of pixels that nothing is known of, and all others are means of what is known; or
+        Value of unknown pixels, and all others are means of known values; or
         `premultiplied`: values are multiplied by the coverage, as light is composited. By default
         floats and masked arrays, unless they have opacity, get NaN or a mask, or `nodata`, and
         others are multiplied.
@@ -136,8 +136,8 @@ def warp(
     Returns
     -------
     `image` of the source's type and number of channels, (height, width) or (height, width, C), and
-    `coverage` (height, width). Of floats and masked arrays pixels are means of what is known, NaN
-    or masked where that is nothing, and a channel that is known for less than half of its pixel's
+    `coverage` (height, width). Of floats and masked arrays pixels are means of known values, NaN
+    or masked where none are known, and a channel that is known for less than half of its pixel's
     coverage is, too; sums are 0 there. Others are multiplied by the coverage, so that pixels beyond
     the picture are black, or their opacity is, if the fourth channel is straight opacity; copied
     texels (`nearest`, `majority`, shifts by whole pixels) are not multiplied. A masked array
@@ -312,7 +312,7 @@ def warp_points(
     convention: AnyConvention = "corner",
     inverse: bool = False,
 ) -> Doubles:
-    """Return where points of a picture lie in its warp, or the way back.
+    """Map points of a picture to its warp, or back.
 
     Parameters
     ----------

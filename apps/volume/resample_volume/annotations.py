@@ -63,7 +63,7 @@ def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
     both = (part.reshape(-1)[pixel] for part in (frame.depth, frame.first_depth))
     depth, first = (part.astype(np.float64) for part in both)
     sent = np.zeros((pixel.size, 5))  # premultiplied light, opacity, opacity × depth
-    behind = np.ones(pixel.size)  # share of the medium in front of what was composited so far
+    behind = np.ones(pixel.size)  # share of the medium in front of the composited part
     for turn in range(int(count.max())):
         some = np.flatnonzero(count > turn)
         at, light = deep[start[some] + turn], lights[start[some] + turn]
@@ -119,7 +119,7 @@ def _marks(
 
 
 def _cut(ends: Doubles, near: float) -> Doubles:
-    """Clip a line (2, 3) to what is behind a depth; (0, 3) if nothing is."""
+    """Clip a line (2, 3) to its part behind a depth; (0, 3) if none is."""
     depth = ends[:, 2]
     if depth.max() <= near:
         return ends[:0]
@@ -309,7 +309,7 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
     height, width = frame.depth.shape
     size = max(9, round(0.035 * min(height, width)))  # of letters, px
     lines, arms = [], []
-    if given.box:  # its edges: corners whose numbers differ in one bit
+    if given.box:  # its edges: corners with numbers that differ in one bit
         pairs = [[n, n | bit] for n in range(8) for bit in (1, 2, 4) if not n & bit]
         lines = [Stroke(corner[pair], GRAY, size / 12) for pair in pairs]
     if given.axes:  # the scene's axes, as long as the box
@@ -347,7 +347,7 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
         per_unit = float(view.focal[0])  # px, in perspective at the volume's center
         if view.perspective:
             depth = float(view.rotation[2] @ corner.mean(axis=0) + view.translation[2])
-            if depth <= view.near:  # what is visible may be in front
+            if depth <= view.near:  # visible content may be in front
                 seen = frame.depth[np.isfinite(frame.depth)]
                 depth = float(np.median(seen)) if seen.size else math.inf
             per_unit /= depth

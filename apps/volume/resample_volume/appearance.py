@@ -189,7 +189,7 @@ class Classification(StrEnum):
 
 @dataclass(frozen=True)
 class Appearance:
-    """What is visible of a volume, and its look.
+    """Visible part of a volume, and its look.
 
     Examples
     --------
@@ -201,7 +201,7 @@ class Appearance:
     Frame(32 × 24 px, 31.6 % covered, depth from 32.95)
     """
 
-    transfer: Transfer | str = "auto"  # function, or what `load_transfer` takes
+    transfer: Transfer | str = "auto"  # function, or an argument of `load_transfer`
     light: Light | None = field(default_factory=Light)  # None: colors as they are
     gradient: Gradient = GRADIENT  # or sobel
     gradient_opacity: tuple[float, float] | None = None  # see `classify`
@@ -243,7 +243,7 @@ class Appearance:
         if self.labels is not None:
             from resample_volume.classification.labels import Labels
 
-            check_kind("labels", self.labels, Labels, "Labels, such as those of read_labels")
+            check_kind("labels", self.labels, Labels, "Labels, such as read_labels returns")
         if self.gradient not in list(GRADIENTS):
             raise ValueError(f"gradient {shortly(self.gradient)}; known: {', '.join(GRADIENTS)}")
         if self.gradient_opacity is not None:
@@ -276,13 +276,13 @@ class Appearance:
 
     @property
     def extras(self) -> list[str]:
-        """Names of chosen options that not all projections allow."""
+        """Names of chosen options that some projections do not allow."""
         chosen = ((name, getattr(self, field)) for name, field in EXTRAS.items())
         return [name for name, choice in chosen if choice not in (None, (), False)]
 
 
 def _several_of(name: str, given: Any, *kinds: Any) -> tuple[Any, ...]:
-    """Return objects of a kind; one is given as such, or in a list; some may be texts for it."""
+    """Return objects of a kind, given alone or in a list; some may be texts."""
     wanted = " or ".join(kind.__name__ for kind in kinds)
     try:
         found = [given] if isinstance(given, kinds) else list(given or ())
@@ -318,7 +318,7 @@ def named_transfer(
 def check_together(
     resampler: Resampler, classification: Classification, extras: Collection[str] = ()
 ) -> None:
-    """Reject options that exclude each other, and say which are allowed."""
+    """Reject options that exclude each other, and list the allowed ones."""
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
     # Reject options for projections of values under other projections

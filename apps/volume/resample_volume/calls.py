@@ -34,7 +34,7 @@ RANGES = ("clim", "contrast_limits")  # what others call the ends of a window
 # Views along an axis of an array (Z, Y, X) that numpy.max(axis) shows; the last two upside down.
 ALONG = {"0": "bottom", "1": "front", "2": "right", "z": "bottom", "y": "front", "x": "right"}
 RAMPS = ("sigmoid", "linear_r", "geom")
-CAMERA = ("camera", "fov", "up", "fit")  # of the look's options, those of the camera
+CAMERA = ("camera", "fov", "up", "fit")  # the look's options for the camera
 Numbers = float | str | Sequence[float]
 Some = str | Sequence[str]  # as the command takes it once, or several times
 RenderOptions = TypedDict("RenderOptions", {  # noqa: UP013 - as a class one line each
@@ -85,7 +85,7 @@ def render(
         Any camera; a `Spot` with an eye and a target; or a viewpoint around the volume: an `Orbit`,
         (azimuth, elevation) with or without a zoom and a pan, a name such as `front`, `top` or
         `corner`; or a file of cameras, such as `cameras.json:3`. None: `Orbit()`, zoomed so that
-        what is visible fills most of the picture.
+        the visible part fills most of the picture.
     size
         Width and height, px, or both of a square.
     resampler
@@ -195,19 +195,19 @@ def animate(
     size: tuple[int, int] | int = (400, 400),
     **options: Unpack[AnimateOptions],
 ) -> NDArray[np.uint8] | None:
-    """Film a volume as `resample-volume animate` does: a camera goes around it, or times pass.
+    """Film a volume as `resample-volume animate` does: along a camera path, or over time.
 
     Parameters
     ----------
     volume
-        A path or name, or what else `as_volume` takes, which is written to a temporary file.
+        A path or name; other inputs of `as_volume` are written to a temporary file.
     output
         Film to write: `.mp4`, `.webm`, `.gif`, `.webp`, `.apng`, or a folder of pictures; None:
         return the frames (N, H, W, 3).
     appearance, camera, size
         As for `render`, but texts and numbers only.
     options
-        Options of the command: `frames`, `fps`, `path`, and those of `render`.
+        Options of the command: `frames`, `fps`, `path`, and the options of `render`.
 
     Raises
     ------
@@ -258,7 +258,7 @@ def _pairs(volume: Any, appearance: Appearance | str) -> list[tuple[Any, Appeara
 
 
 def _faded(look: Appearance, given: Any) -> Appearance:
-    """Return a look with opacities that are spread over its window."""
+    """Return a look with opacities spread over its window."""
     transfer = look.transfer
     if not isinstance(transfer, TransferFunction):
         raise TypeError(f"opacity {shortly(given)}; give it with a colormap, such as cmap='gray'")
@@ -273,7 +273,7 @@ def _faded(look: Appearance, given: Any) -> Appearance:
 
 
 def spelled(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options with a window of others' words, and the projection of an iso value."""
+    """Return options with other libraries' window translated, and an iso value's projection."""
     given = dict(options)
     if np.shape(given.get("scale", "")) == (3,):  # of napari: along z, y and x
         given["spacing"] = tuple(given.pop("scale"))[::-1]

@@ -110,7 +110,7 @@ def of_grid(given: Any, part: Any, name: str) -> Volume:
         )
     try:
         values = np.asarray(given[part])
-    except Exception as error:  # yt's own, of which one would have to import yt to know
+    except Exception as error:  # yt's own types, which are unknown before yt is imported
         raise ValueError(f"{name}: no field {part!r:.60}: {one_line(error)}") from None
     shape = tuple(int(count) for count in np.asarray(given.ActiveDimensions))
     if values.shape != shape or len(shape) != 3:
@@ -147,8 +147,8 @@ def of_dataset(given: Any, part: Any, name: str) -> Volume:
 
 
 TAKEN = (
-    "an array (Z, Y, X), nested lists, a path, a Volume, or what xarray, SimpleITK, nibabel, VTK, "
-    "PyVista or yt have"
+    "an array (Z, Y, X), nested lists, a path, a Volume, or one of xarray, SimpleITK, nibabel, "
+    "VTK, PyVista or yt"
 )
 WIDE = np.iinfo(np.int32)
 
@@ -162,7 +162,7 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "", scale: str = 
         A `Volume` as it is; the path of a file, a folder of slices or a generated volume's name;
         an array (Z, Y, X), or (Z, Y, X, 3 or 4) of colors, of any real type and layout, masked,
         mapped from a file, of dask or as nested lists, with spacing 1 around no origin in
-        particular; an `xarray.DataArray`, whose coordinates along z, y and x give spacing and
+        particular; an `xarray.DataArray`: its coordinates along z, y and x give spacing and
         origin; an image of SimpleITK's or nibabel's; a data set of VTK's or PyVista's (unstructured
         grids are resampled onto a lattice, as from files); or a covering or arbitrary grid of yt's.
         A pair `(grid, "density")` is the same as a grid with `part`.
@@ -182,7 +182,7 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "", scale: str = 
     Raises
     ------
     TypeError
-        It is none of these, or its values are not real numbers.
+        Its type is another, or its values are not real numbers.
     ValueError
         It has another shape, no voxels, or no value that has a logarithm.
     OSError

@@ -298,7 +298,7 @@ class ImagePlane:
     ImagePlane(where='z=40', window=(-160.0, 240.0), colors='gray', opacity=0.5)
     """
 
-    # x=50%, z=40 or as `clip`; or a scene's plane n·p = d as four numbers, the last d, whose window
+    # x=50%, z=40 or as `clip`; or a scene's plane n·p = d as four numbers, the last d; its window
     # is on the volume's scale
     where: str | tuple[float, float, float, float]
     window: tuple[float, float] | None = None  # values of the first and last color; None: robust
@@ -486,7 +486,7 @@ def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
         middle = corner.mean(axis=0)
         after = np.roll(corner, -1, axis=0)
         patches = [np.array([middle, middle, *pair]) for pair in zip(corner, after, strict=True)]
-    # Measure the patches, whose corners are first, right, down and both, down and to the right
+    # Measure the patches; corners are first, right, down and both, down and to the right
     lengths = []
     for first, right, down, both in patches:
         sides = (down - first, both - right, right - first, both - down)

@@ -159,7 +159,7 @@ class Subject:
         cls, volume: Volume, appearance: Appearance, resampler: Resampler | None = None, *,
         around: Volume | None = None,
     ) -> "Subject":  # fmt: skip
-        """Classify a volume; cameras orbit the volume `around`, or what is visible."""
+        """Classify a volume; cameras orbit the volume `around`, or the visible part."""
         resampler = resampler or looks.resampler_for(appearance)
         looks.check_together(resampler, appearance.classification, appearance.extras)
         ((volume, appearance),), resampler = looks.decided([(volume, appearance)], resampler)
@@ -213,7 +213,7 @@ class Subject:
     ) -> "Subject":
         """Classify several volumes of one scene; extinctions add up where they overlap.
 
-        Light, crop, clip and depth cue are those of the first; each has its own transfer function
+        Light, crop, clip and depth cue are the first one's; each has its own transfer function
         and labels. Volumes in files share the memory limit.
         """
         if len(media) == 1:
@@ -412,7 +412,7 @@ def check_slabs(count: int, resampler: Resampler) -> None:
         raise ValueError(f"{count} slabs of a deep picture; give 1 to {MOST}")
     if resampler.projection in MEASURING:
         raise ValueError(
-            f"deep pictures hold what is composited; the projection {resampler.projection} shows "
+            f"deep pictures hold composited samples; the projection {resampler.projection} shows "
             "one value of a whole ray"
         )
 

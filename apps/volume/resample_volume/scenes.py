@@ -32,7 +32,7 @@ from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.thin import SAME, of_samples, voxels_of
 from resample_volume.voxels.visible import Voxels, finite_range, lattice_of, unit_of
 
-KEPT = 4  # looks whose samples are cached
+KEPT = 4  # looks with cached samples
 MERGED = 2  # voxels per side that a preview merges
 LARGE = 256**3  # voxels from which twice as many per side are merged
 FINEST = 1  # sub-pixels per side of a ray cast preview
@@ -95,7 +95,7 @@ class Scene(AnyScene):
             Look of the voxels, or the name of a transfer function; or layers (volume, look) that
             are shown together, this volume first.
         camera, size, resampler, progress
-            As of `render`.
+            As in `render`.
         quality
             `preview` merges 2 × 2 × 2 voxels (4 × 4 × 4 of large volumes) and 2 × 2 pixels, and
             keeps opacity per length. Its statistics have `is_preview` set.
@@ -134,14 +134,14 @@ class Scene(AnyScene):
         Parameters
         ----------
         look, camera, size, resampler, quality, fit
-            As of `render`.
+            As in `render`.
         """
         is_preview = is_quick(quality)
         subject, eye, _ = self._prepared(look, camera, size, resampler, fit, is_preview=is_preview)
         return eye, subject.placed(self.volume)
 
     def tone(self, look: Shown, resampler: Resampler, fit: Fit = "volume") -> Tone:
-        """Return how measured values become gray; parameters as of `render`."""
+        """Return the gray levels' window of measured values; parameters as in `render`."""
         return self._prepared(look, None, (1, 1), resampler, fit)[0].tone
 
     def sample_ids(
@@ -153,7 +153,7 @@ class Scene(AnyScene):
         Parameters
         ----------
         look, camera, size, resampler, fit
-            As of `render`.
+            As in `render`.
 
         Returns
         -------
@@ -194,17 +194,17 @@ class Scene(AnyScene):
         x, y
             Right and down, px; centers of pixels are at halves.
         look, camera, size, resampler, fit
-            As of `render`. Where the total opacity is below one half, it is the voxel with which
+            As in `render`. Where the total opacity is below one half, it is the voxel with which
             half of it is reached.
 
         Raises
         ------
         ValueError
-            As of `sample_ids`.
+            As in `sample_ids`.
         """
         subject, eye, paint = self._prepared(look, camera, size, resampler, fit)
         layers, each = self._layers(look), [subject]
-        if isinstance(subject.voxels, list):  # the nearest of what each of them shows
+        if isinstance(subject.voxels, list):  # the nearest of their visible voxels
             each = [replace(subject, voxels=field) for field in subject.voxels]
         nearest, least = None, np.inf
         for (volume, _), one in zip(layers, each, strict=True):
@@ -265,7 +265,7 @@ class Scene(AnyScene):
         transfer, labels = looks.transfer_of(volume, look), look.labels
         unit = unit_of(transfer, volume)
         transfer = Windowed(transfer, finite_range(volume.values), unit)
-        if labels is not None:  # each that of the block's first voxel
+        if labels is not None:  # each from the block's first voxel
             whole = values_of(labels.values).whole()
             labels = replace(labels, values=whole[::per, ::per, ::per])
         # Merged voxels are cut where crop and clip cut the volume.

@@ -19,7 +19,7 @@ SLICES = (("axial", 2, 0, 1, 1, 1), ("coronal", 1, 0, 2, 1, -1), ("sagittal", 0,
 
 @dataclass(frozen=True)
 class SlicePlane:
-    """Orientation of orthogonal slices; axes are those of voxels, 0: x."""
+    """Orientation of orthogonal slices; axes are the voxels', 0: x."""
 
     name: str  # axial, coronal or sagittal
     across: int  # axis perpendicular to the slices

@@ -40,7 +40,7 @@ class Volume(NamedTuple):
     units: str = ""  # of the values: hu, hu+1024 (as stored), none of these; empty: not told
     colors: NDArray[Any] | None = None  # (Z, Y, X, 3 or 4) of voxels, see `recordings.in_color`
     note: str = ""  # how a file's values were changed, for messages
-    space: str = ""  # lps: a patient's, in mm, whose left, back and head x, y and z point to
+    space: str = ""  # lps: a patient's, in mm; x, y and z point to left, back and head
     thickness: float = 0.0  # scene units that opacities refer to; 0: cube root of a voxel's volume
     scale: str = ""  # scale of the values, see `classification.scales`; empty: linear, as measured
     length: str = ""  # scene unit: mm, µm, ... of `resample.lengths`; or one of `ASSUMED`
@@ -85,7 +85,7 @@ class Recording(NamedTuple):
     """All content of a file: volumes of one lattice, for several times or channels."""
 
     values: NDArray[Any] | Recorded  # (T, C, Z, Y, X), each volume as `Volume` has it
-    spacing: Doubles  # (3,) x, y, z; as of `Volume`, and so on
+    spacing: Doubles  # (3,) x, y, z; as in `Volume`, and so on
     origin: Doubles  # (3,)
     direction: Doubles  # (3, 3)
     name: str

@@ -42,20 +42,20 @@ LayoutOptions = TypedDict("LayoutOptions", {  # noqa: UP013
 
 
 class RenderOptions(DepthOptions, TargetOptions, total=False):
-    """Options of `render`: those of the command."""
+    """Options of `render`, as in the command."""
 
     move: str | tuple[float, float, float]
     turn: str | tuple[float, ...]
 
 
 class StereoOptions(DepthOptions, CommandOptions, LayoutOptions, total=False):
-    """Options of `stereo`: those of the command, and `disparity` in place of a depth."""
+    """Options of `stereo`, as in the command, and `disparity` in place of a depth."""
 
     intrinsics: ArrayLike
 
 
 class AnimateOptions(DepthOptions, TargetOptions, FilmOptions, total=False):
-    """Options of `animate`: those of the command."""
+    """Options of `animate`, as in the command."""
 
     intrinsics: ArrayLike
     amount: float
@@ -83,7 +83,7 @@ def render(
     depth
         A path, or numbers (H, W) of the kind that `depth_kind` says; otherwise z, scene units.
     intrinsics
-        `(fx, fy, cx, cy)` or a matrix (3, 3), px, of which 0 is the first pixel's corner; or a
+        `(fx, fy, cx, cy)` or a matrix (3, 3), px; 0 is the first pixel's corner; or a
         file. `fov=` will do in its place; without either 60 degrees are assumed, with a warning.
     pose
         World to camera, (3, 4) or (4, 4), or a file. Or `move=(x, y, z)`, to the right, down and
@@ -201,7 +201,7 @@ def stereo(
 def animate(
     picture: Any, depth: Any, output: Named | None = None, **options: Unpack[AnimateOptions]
 ) -> NDArray[np.uint8] | None:
-    """Film a picture with depth as `resample-warp3d animate` does: a camera moves in it.
+    """Film a picture with depth as `resample-warp3d animate` does: along a camera path.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def animate(
 
 @contextmanager
 def _files(picture: Any, depth: Any) -> Iterator[tuple[list[str], Path]]:
-    """Names of a picture and its depth, which are written to a folder unless they have some."""
+    """Files of a picture and its depth; arrays are written to a folder."""
     from PIL import Image
 
     with TemporaryDirectory() as folder:
@@ -261,7 +261,7 @@ def _files(picture: Any, depth: Any) -> Iterator[tuple[list[str], Path]]:
 
 
 def _spelled(options: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return options as the command takes them: cameras as numbers, poses as files."""
+    """Return options in the command's form: cameras as numbers, poses as files."""
     given = {name: value for name, value in options.items() if value is not None}
     for name in {*POSES} & given.keys():
         if np.shape(given[name]) in ((3, 4), (4, 4)):

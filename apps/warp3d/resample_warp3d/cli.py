@@ -213,7 +213,7 @@ def stereo(
         File values per px: 4 for Middlebury 2003, 16 for OpenCV, 256 for KITTI. Not for floats.
         [default: 1 for floats; integers need one]
     fraction
-        Distance between the two pictures: 1 is that of the eyes, 0.5 half of it; below 0 the
+        Distance between the two pictures: 1 is the eyes' distance, 0.5 half of it; below 0 the
         opposite way.
     holes
         Also write the holes by their cause (.png): magenta hidden behind something, gray outside

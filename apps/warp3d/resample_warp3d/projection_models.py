@@ -48,7 +48,7 @@ Mask = NDArray[np.bool_]
 class StereoPanorama(Equirectangular):
     """One eye's panorama of an omnidirectional stereo pair: each column has its own eye position.
 
-    The eyes are on a horizontal circle around the center, as those of a turning head that faces
+    The eyes are on a horizontal circle around the center, as of a turning head that faces
     each column (Peleg 1999). Toward the poles, where no such pair exists, the circle shrinks to a
     point, between `MERGED` of latitude.
 
@@ -92,7 +92,7 @@ class StereoPanorama(Equirectangular):
         cosine, sine = along / flat, np.where(is_outside, side / flat, np.nan)
         x = point[..., 0] * cosine - point[..., 2] * sine
         z = point[..., 2] * cosine + point[..., 0] * sine
-        is_kept = side == 0.0  # also of points above and below, whose flat length is 0
+        is_kept = side == 0.0  # also for points above and below, with the flat length 0
         x, z = (
             np.where(is_kept, point[..., axis], each * cosine) for axis, each in ((0, x), (2, z))
         )
@@ -177,7 +177,7 @@ def without_lens(camera: Camera) -> Camera:
 def taken_by(camera: CameraModel, image: DepthImage) -> tuple[DepthImage, Camera | Orthographic]:
     """Undistort the positions of a depth image's samples; also return the camera.
 
-    A parallel camera, whose nearness is also 1 / z, is moved along its axis to one picture width
+    A parallel camera, also with nearness 1 / z, is moved along its axis to one picture width
     before the nearest point, where nearness resolves depths well.
     """
     shape = image.color.shape[0], image.color.shape[1]
@@ -256,7 +256,7 @@ class Passage:
             vertices[:, rows] = self._corners(place, nearness)
         torn = self._corners(sheet.corner[..., :2], sheet.corner[..., 2])
         torn = np.ascontiguousarray(np.moveaxis(torn, 0, -1))
-        if not isinstance(self.target, Equirectangular):  # whose seam would disturb differences
+        if not isinstance(self.target, Equirectangular):  # its seam would disturb differences
             self._project_ends(sheet, torn)
         own = sheet.torn
         if isinstance(self.target, Equirectangular):
@@ -271,7 +271,7 @@ class Passage:
 
     @property
     def orientation(self) -> float:
-        """Volume whose sign tells whether the map mirrors the order of corners."""
+        """Volume with a sign that tells whether the map mirrors the order of corners."""
         volume = float(np.linalg.det(self.frame))
         for camera in (self.source, self.target):
             if isinstance(camera, Camera):
@@ -402,6 +402,6 @@ def _moved(step: Doubles, point: Doubles, weight: Doubles) -> tuple[Doubles, Dou
 
 
 def _wide(corner: list[Floats], most: float) -> Mask:
-    """Return the cells whose corners are farther apart than `most`."""
+    """Return the cells with corners farther apart than `most`."""
     low, high = np.minimum.reduce(corner), np.maximum.reduce(corner)
     return np.asarray(high - low > most)

@@ -1,4 +1,4 @@
-"""Open a depth image once, render it often: what is independent of the target is kept."""
+"""Open a depth image once, render it often: target-independent data are cached."""
 
 from dataclasses import replace
 from functools import partial

@@ -103,7 +103,7 @@ class Sheet(NamedTuple):
     corner: Floats  # (N, 4, 3) x, y and nearness of torn cells' corners, row by row
     links: Links  # (H + 4, W + 4) of the source, with TURNS; MARGIN unlinked around, as for colors
     ends: NDArray[np.int32]  # (M, 2) row of `corner` and corner, where surfaces turn away
-    roundness: Floats  # (M, 2) of those: squared nearness per px, outward, along x and y
+    roundness: Floats  # (M, 2) of the ends: squared nearness per px, outward, along x and y
 
 
 class Source(NamedTuple):
@@ -189,7 +189,7 @@ class Previewed(Warped):
 class Method(Protocol):
     """Role of a warping method.
 
-    A plugin is a class whose constructor takes options by name and refuses bad ones with a
+    A plugin is a class; its constructor takes options by name and rejects bad ones with a
     `ValueError`; its entry point is in the group `resample.warps`. With a pixel filter it is called
     for a frame of sub-pixels. A method that can only fill whole pixels has an attribute
     `is_per_pixel` that is True, and takes no filter; one with `is_whole` True covers a pixel fully

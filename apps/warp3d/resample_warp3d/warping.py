@@ -301,8 +301,8 @@ def as_light(color: Any) -> Floats:
 
 
 @takes(
-    instead="render(prepare(DepthImage(color, 1 / depth)), equation, shape, method) draws what is "
-    "prepared; warp(color, depth, source, target) takes a picture, its depth and two cameras"
+    instead="render(prepare(DepthImage(color, 1 / depth)), equation, shape, method) draws prepared "
+    "sources; warp(color, depth, source, target) takes a picture, its depth and two cameras"
 )
 def render(
     source: Source,

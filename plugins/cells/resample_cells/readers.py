@@ -75,7 +75,7 @@ def _points(values: NDArray[Any]) -> Any:
 
 
 def _structured(found: Sections) -> tuple[Any, int]:
-    """Grid whose cells lie in rows, without its arrays, and how many cells it has."""
+    """Grid with cells in rows, without its arrays, and its number of cells."""
     from vtkmodules.vtkCommonDataModel import vtkStructuredGrid
 
     shape, points = [], None
@@ -88,7 +88,7 @@ def _structured(found: Sections) -> tuple[Any, int]:
         elif key == "field":
             found.skip_field(words)
         else:
-            raise ValueError(f"{found.name}: {words[0]!r:.40} is no word of a structured grid")
+            raise ValueError(f"{found.name}: {words[0]!r:.40} is not part of a structured grid")
     found.back()
     if points is None or len(points) != 3 * math.prod(shape) or not shape:
         raise ValueError(f"{found.name} is damaged: its points are not as many as its DIMENSIONS")
@@ -115,7 +115,7 @@ def _unstructured(found: Sections) -> tuple[Any, int]:
         elif key == "field":
             found.skip_field(words)
         else:
-            raise ValueError(f"{found.name}: {words[0]!r:.40} is no word of an unstructured grid")
+            raise ValueError(f"{found.name}: {words[0]!r:.40} is not part of an unstructured grid")
     found.back()
     if cells is None or len(cells[0]) != len(kinds) + 1 or not len(points):
         raise ValueError(f"{found.name} is damaged: its points, cells or their kinds are missing")
@@ -232,7 +232,7 @@ class _Cells(OneOfAll):
 
 @dataclass(frozen=True)
 class Vts(_Cells):
-    """VTK structured grid, whose cells lie in curved rows; values at points or cells."""
+    """VTK structured grid, with cells in curved rows; values at points or cells."""
 
     suffixes = (".vts",)
     kind = "vts"
@@ -260,7 +260,7 @@ class Vtu(_Cells):
 
 @dataclass(frozen=True)
 class Vtm(_Cells):
-    """VTK multiblock and AMR files, whose pieces lie in or under their folder.
+    """VTK multiblock and AMR files, with pieces in or under their folder.
 
     Where pieces overlap, those with the smallest cells win.
     """

@@ -43,7 +43,7 @@ def check_cells(data: Any, name: str) -> None:
 
     points = vtk_to_numpy(data.GetPoints().GetData()) if data.GetPoints() else np.empty((0, 3))
     if not np.isfinite(points).all():
-        raise ValueError(f"{name} is damaged: some of its points are no numbers")
+        raise ValueError(f"{name} is damaged: some of its points are not numbers")
     if data.IsA("vtkStructuredGrid"):
         shape = points_along(data)
         check_shape(shape, name)
@@ -74,7 +74,7 @@ def _check_unstructured(data: Any, points: int, name: str) -> None:
 
 
 def _kinds(data: Any) -> Any:
-    """Return the kinds of cells, whose method VTK 9.6 renamed."""
+    """Return the kinds of cells, by a method that VTK 9.6 renamed."""
     try:
         return data.GetCellTypes()
     except TypeError:

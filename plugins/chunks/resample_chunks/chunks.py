@@ -101,7 +101,7 @@ def warp_chunks(
 ) -> Any:
     """Warp a picture larger than memory, chunk by chunk; pixels equal those of `warp`.
 
-    They are equal bit by bit with matrices, for targets of up to 2³⁰ px, where what is shown lies
+    They are equal bit by bit with matrices, for targets of up to 2³⁰ px, where the picture lies
     within the source; elsewhere coordinates may be rounded differently.
 
     Parameters
@@ -112,12 +112,12 @@ def warp_chunks(
     matrix, shape, method, edge, options
         As `warp` takes them; of its options `convention`, `inverse`, `axis` (no frames),
         `linear_light`, `alpha`, `fill`, `total` and `threads`. Geometry must be a matrix or a
-        backward map, and the method one whose pixels gather from a part of the source, as the
+        backward map, and with the method pixels gather from a part of the source, as in the
         default. `reflect-101` is not available. With `total` the source is read as a whole, and
         sums are those of `warp`.
     out
         (height, width) or (height, width, C): anything that takes arrays for slices; it is filled.
-        None: return a dask array, whose chunks are warped on demand.
+        None: return a dask array with chunks that are warped on demand.
     side
         Height and width of chunks, px; by default those of a zarr `out`, else 1024.
 

@@ -56,7 +56,7 @@ class Values(NamedTuple):
         return np.dtype(given.dtype if isinstance(given, np.ndarray) else given)
 
     def are_scipy_s(self, image: NDArray[Any], long: float = 1.0) -> bool:
-        """Whether SciPy draws a picture whose pixels have a squared length, texels²."""
+        """Whether SciPy draws a picture with pixels of a squared length, texels²."""
         if self.order not in common.ORDERS:
             raise ValueError(f"order {self.order!r}; known: 0 to 5")
         if self.mode not in MODES:
@@ -134,7 +134,7 @@ def map_coordinates(
     Parameters
     ----------
     coordinates
-        (2, h, w); pixels are areas, whose size follows from their neighbours' coordinates. Or (2,
+        (2, h, w); pixels are areas, with sizes from their neighbours' coordinates. Or (2,
         N), or of more dimensions: points, none of which is another's neighbour.
     """
     image, places = np.asanyarray(input), np.asarray(coordinates)

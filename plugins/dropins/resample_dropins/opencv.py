@@ -5,7 +5,7 @@ All names are OpenCV's own, but for the calls that may shrink a picture: `warpPe
 arguments, and where no pixel shrinks they return OpenCV's result, bit by bit. In tiles where pixels
 shrink, these are means over what they cover. Own code also draws what OpenCV does not take: masked
 arrays, values that are not numbers, which have no weight, and further types and numbers of
-channels. Pixels of which less than half has a value are not a number, or masked.
+channels. Pixels with a value in less than half of their area are NaN, or masked.
 """
 
 import functools
@@ -55,7 +55,7 @@ BORDERS = {
 WARPED = {np.dtype(name) for name in ("uint8", "uint16", "int16", "float32")}
 RESIZED = {*WARPED, np.dtype("float64")}
 BEYOND = 64  # rows around a polar picture that go on at its other end
-OPENCV: Any = cv2  # whose stubs take less than it does
+OPENCV: Any = cv2  # its stubs accept less than it does
 Color = float | tuple[float, ...]
 P = ParamSpec("P")
 
@@ -269,7 +269,7 @@ def resize(
     dsize
         Width and height of the result; None or zeros: given by `fx` and `fy`.
     fx, fy
-        Scale along x and y, if there is no `dsize`.
+        Scale along x and y, without `dsize`.
     interpolation
         `cv2.INTER_*`: AREA, which is the mean of the block that a pixel covers, and NEAREST are
         OpenCV's own; or the name of an interpolation that `warp` takes.
@@ -490,7 +490,7 @@ def _kernel(
 
 
 def _size(dsize: tuple[int, int] | None, src: Any) -> tuple[int, int]:
-    """Return height and width of a size (width, height); if there is none, those of the source."""
+    """Return height and width of a size (width, height), or of the source without one."""
     width, height = (0, 0) if dsize is None else whole_pair(dsize, "width", "height")
     if min(width, height) > 0:
         return height, width

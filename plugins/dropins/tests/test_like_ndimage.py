@@ -108,7 +108,7 @@ MASKED = {"input": np.ma.MaskedArray(smooth())}  # what SciPy does not take
             {"input": np.ma.zeros(3), "output_shape": (2, 3)},
             r"a picture has the shape \(height, width\) here",
         ),
-        ({"output": np.zeros((3, 4, 5)), **MASKED}, "is no height and width"),
+        ({"output": np.zeros((3, 4, 5)), **MASKED}, "is not height and width"),
     ],
 )
 def test_what_cannot_be_done_is_refused(given, message):

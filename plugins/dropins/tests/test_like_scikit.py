@@ -122,7 +122,7 @@ def test_gaps_and_masks_are_kept():
         ({"mode": "mirror"}, "mode 'mirror'; known: constant, edge"),
         ({"inverse_map": np.eye(2)}, r"a \(3, 3\) matrix or places \(2, 16, 18\), not \(2, 2\)"),
         ({"inverse_map": lambda points: points[:5]}, r"the map of points returned \(5, 2\) for"),
-        ({"output_shape": (5,)}, "is no height and width"),
+        ({"output_shape": (5,)}, "is not height and width"),
     ],
 )
 def test_what_cannot_be_done_is_refused(given, message):

@@ -254,7 +254,7 @@ def test_a_size_that_is_not_given_is_the_source_s(size):
 
 @pytest.mark.parametrize("size", [(5,), (5, 5, 3), (5.5, 5), 5])
 def test_a_size_is_two_whole_numbers(size):
-    with pytest.raises(ValueError, match="is no width and height"):
+    with pytest.raises(ValueError, match="is not width and height"):
         warp_like_opencv(smooth(), SMALL, size)
 
 

@@ -15,7 +15,7 @@ from resample_comparisons.texture.scenes import scene_of
 SCENE = "floor-close"
 SHEET = "figure5.png"
 TABLE = "table.txt"
-FIGURE = {  # what the paper shows, and what careful people do
+FIGURE = {  # the paper's pictures, and good practice
     "points": "(a) points",
     "hybrid": "(b) hybrid",
     "bilinear": "(c) backward, bilinear",
@@ -32,7 +32,7 @@ class FloorPicture(NamedTuple):
 
 
 def generated(name: str) -> FloorPicture:
-    """A checkerboard, or a wall of bricks, whose picture is the means of a finer one."""
+    """A checkerboard, or a wall of bricks, as means of a finer picture."""
     side = 1024 * scenes.FINER
     is_checker = name == "checker"
     fine = scenes.checker(side, 8 * scenes.FINER) if is_checker else scenes.bricks(side)

@@ -107,7 +107,7 @@ def write_figures(folder: Path, figure: Figure) -> dict[str, object]:
 
 
 def _figure(case: WarpCase, comparison: DepthComparison, pictures: dict[str, Screen]) -> Figure:
-    """Figure whose region shows where methods differ most."""
+    """Figure with the region where methods differ most."""
     warped = [screen for name, screen in pictures.items() if name != TRUTH]
     behind = case.target.truth if TRUTH in pictures else np.mean(warped, axis=0)
     errors = [np.asarray(np.abs(screen - behind).mean(axis=2), np.float32) for screen in warped]

@@ -84,7 +84,7 @@ SHOTS = (
 
 
 def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
-    """Write the figure; returns what is said about it."""
+    """Write the figure; returns the remarks about it."""
     side = QUICK_SIDE if quick else SIDE
     taken = list(_taken(shelf, side))
     for picture in taken:

@@ -89,7 +89,7 @@ class JumpCurve(NamedTuple):
 
 
 def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
-    """Write the figure; returns what is said about it."""
+    """Write the figure; returns the remarks about it."""
     del shelf  # the box is generated
     choices = QUICK if quick else CheckerRotation()
     scene = scene_of(choices)

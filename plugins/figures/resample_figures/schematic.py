@@ -61,7 +61,7 @@ class LayerCut(NamedTuple):
 
 
 def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
-    """Write the figure; returns what is said about it."""
+    """Write the figure; returns the remarks about it."""
     choices = QUICK if quick else SceneSizes()
     first = cut(generate(f"checker-box:size={choices.few},block=2"), "checker", "checker box")
     volume, transfer, title, note = _subject(shelf)

@@ -82,7 +82,7 @@ QUICK = Effort(24, 1, 1, "checker-box:size=8,block=2")
 
 @dataclass(frozen=True)
 class Case:
-    """A volume whose samples a camera sees from near and far."""
+    """A volume with samples near to and far from a camera."""
 
     name: str  # one of `PAPER`
     subject: FigureVolume
@@ -123,7 +123,7 @@ BASELINES = {
 
 
 def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
-    """Write the figure; returns the table and what is said about it."""
+    """Write the figure; returns the table and the remarks about it."""
     choices = QUICK if quick else Effort()
     rows: list[Row] = []
     remarks: list[str] = []
@@ -216,7 +216,7 @@ def _root(lacking: Callable[[float], float]) -> float:
 
 
 def measured(case: Case, choices: Effort, remarks: list[str]) -> list[Row]:
-    """A row for each of the three views; why there is no time of VTK goes to the remarks."""
+    """A row for each of the three views; the remarks explain a missing time of VTK."""
     paper = PAPER[case.name]
     seconds = {"all splats": paper.splats, "mixed": paper.mixed, "all points": paper.points}
     percent = {"all splats": 100.0, "mixed": 100 * paper.share, "all points": 0.0}
@@ -253,7 +253,7 @@ def machine() -> str:
 def _timed(
     label: str, resample: Resampler, case: Case, camera: AnyCamera, choices: Effort
 ) -> dict[str, object]:
-    """Milliseconds of a frame, and the share of what it painted that were splats."""
+    """Milliseconds of a frame, and the share of splats in its samples."""
     run = partial(resample, case.samples, camera, height=choices.side, width=choices.side)
     frame = run()
     return {

@@ -48,7 +48,7 @@ class FigureVolume(NamedTuple):
 class VolumeFolder:
     """Where volumes are searched: a folder, and the downloads of `files.public.fetch`.
 
-    Raises NotADirectoryError: there is no such folder.
+    Raises NotADirectoryError: the folder does not exist.
     """
 
     folder: Path | None = None  # holds NAME.nhdr, or another of `SUFFIXES`
@@ -105,7 +105,7 @@ def make(
 
     Returns
     -------
-    What is to be said about them: counts and times, and what was not to be had.
+    Remarks about them: counts and times, and missing data.
     """
     chosen = chosen_figures(numbers)
     return "\n".join(_made_figures(folder, chosen, data, quick)) + "\n"

@@ -45,7 +45,7 @@ def names_in(path: Path, group: Any) -> list[str]:
 
 
 def member(path: Path, group: Any, name: str) -> Any:
-    """Return a group or dataset of a group; None if there is none."""
+    """Return a group or dataset of a group; None if missing."""
     import h5py
 
     with damage(path):
@@ -71,7 +71,7 @@ def hard_members(path: Path, group: Any) -> dict[str, Any]:
 
 
 def group_in(path: Path, group: Any, name: str) -> Any:
-    """Return a group of a group; None if there is none."""
+    """Return a group of a group; None if missing."""
     import h5py
 
     found = member(path, group, name)
@@ -79,7 +79,7 @@ def group_in(path: Path, group: Any, name: str) -> Any:
 
 
 def dataset_in(path: Path, group: Any, name: str) -> Any:
-    """Return a dataset of numbers within the limits; None if there is none."""
+    """Return a dataset of numbers within the limits; None if missing."""
     import h5py
 
     found = member(path, group, name)
@@ -100,7 +100,7 @@ def dataset_in(path: Path, group: Any, name: str) -> Any:
 
 
 def numbers_of(path: Path, owner: Any, name: str) -> NDArray[np.float64] | None:
-    """Return an attribute as numbers (N,); None if there is none, or it is text."""
+    """Return an attribute as numbers (N,); None if missing, or text."""
     with damage(path):
         if owner is None or name not in owner.attrs:
             return None

@@ -111,7 +111,7 @@ class Imaris(OneOfAll):
             full = full and group_in(path, full, FULL)
             image = info and group_in(path, info, "Image")
             if not (full and image):
-                raise ValueError("is no file of Imaris: it has no DataSetInfo/Image or DataSet")
+                raise ValueError("is not an Imaris file: it has no DataSetInfo/Image or DataSet")
             shape = [int(_word(path, image, axis) or 0) for axis in "XYZ"]
             ends = [
                 [float(_word(path, image, f"Ext{end}{n}") or 0) for n in range(SPACE)]
@@ -148,7 +148,7 @@ class Imaris(OneOfAll):
 
 
 def _word(path: Path, group: Any, name: str) -> str:
-    """Return an attribute that Imaris has as an array of letters; empty if there is none."""
+    """Return an attribute that Imaris has as an array of letters; empty if missing."""
     with damage(path):
         if name not in group.attrs:
             return ""
@@ -314,7 +314,7 @@ def _read(variable: _Variable, kind: np.dtype[Any]) -> NDArray[Any]:
 
 
 def _places(variable: _Variable | None, count: int) -> NDArray[np.float64] | None:
-    """Return the coordinates of an axis; None if there are none."""
+    """Return the coordinates of an axis; None if missing."""
     if variable is None or variable.data.shape != (count,) or variable.data.dtype.kind not in "iuf":
         return None
     return np.asarray(variable.data[...], np.float64)

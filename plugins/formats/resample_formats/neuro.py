@@ -83,4 +83,4 @@ def _check_minc(path: Path) -> None:
         for name in OF_MINC:
             group = group and group_in(path, group, name)
         if not group or dataset_in(path, group, "image") is None:
-            raise ValueError("is no MINC file: it has no minc-2.0/image/0/image")
+            raise ValueError("is not a MINC file: it has no minc-2.0/image/0/image")

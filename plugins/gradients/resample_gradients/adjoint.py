@@ -122,7 +122,7 @@ def _summed_back(totals: Doubles) -> Doubles:
 
 
 def _batches(axes: Integers, taps: int, channels: int) -> Iterator[slice]:
-    """Yield consecutive blocks whose patches fit into memory together."""
+    """Yield groups of consecutive blocks with patches that fit into memory together."""
     start = patch_offsets(axes, taps, channels)
     first = 0
     while first < len(axes):

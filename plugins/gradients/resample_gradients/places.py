@@ -30,7 +30,7 @@ class MatrixPlaces:
     shape
         Height and width of the target, px.
     source_shape
-        Height and width of the source, px; it decides what is in front of the camera.
+        Height and width of the source, px; it decides which side faces the camera.
     convention
         `corner`: pixel centers at + 0.5. `opencv`: `matrix` counts from pixel centers.
     inverse

@@ -45,7 +45,7 @@ class LinearWarp:
     """Differentiable warp under the area filter, in float64.
 
     A pixel is the mean of the interpolated source over the pixel's footprint, a parallelogram: a
-    sum over Gauss points, of which there are more where footprints are longer. Gradients are exact
+    sum over Gauss points, with more points where footprints are longer. Gradients are exact
     for these sums, at a fixed number of points: where that number changes, the picture changes by
     the error of the sums.
 

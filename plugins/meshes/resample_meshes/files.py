@@ -110,7 +110,7 @@ def _edges(texture: dict[str, Any] | None, header: dict[str, Any]) -> tuple[Edge
 
 
 class _MeshFile(NamedTuple):
-    """A mesh file, and what is known before its meshes are read."""
+    """A mesh file, and its header."""
 
     path: Path
     named: list[Path]  # texture files that it names
@@ -125,7 +125,7 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
     Parameters
     ----------
     texture
-        Texture to use instead of all that the file names: a file, or (H, W, 3) linear light.
+        Texture to use instead of the file's: a file, or (H, W, 3) linear light.
 
     Returns
     -------

@@ -58,7 +58,7 @@ WIDEST = 16  # px, largest radius of a pixel filter
 
 
 def skin(mesh: Mesh, interpolation: Interpolation, view: View, *, shading: bool) -> Skin:
-    """Return everything that gives triangles their colors."""
+    """Return the data of triangles' colors."""
     light = headlight(mesh, view) if shading else np.zeros((0, 3), np.float32)
     edges = [(cover.along_u, cover.along_v) for cover in mesh.covers]
     texel, level, levels = _packed(_ready(mesh.pyramids, edges, interpolation))

@@ -31,7 +31,7 @@ def pyramid(source: Floats) -> Pyramid:
     """Return the pyramid of a picture (H, W, C).
 
     A level has half the rows and columns of the previous one, rounded down and at least one. At odd
-    sizes texels are means over more than 2 × 2 texels, of which the outer ones count in part.
+    sizes texels are means over more than 2 × 2 texels; the outer ones count in part.
     """
     pictures = [source]
     while max(pictures[-1].shape[:2]) > 1:
@@ -51,7 +51,7 @@ class AlphaMode(StrEnum):
 
     OPAQUE = "opaque"  # alpha is ignored
     MASK = "mask"  # opaque where alpha is at least the cutoff, else invisible
-    BLEND = "blend"  # blended over what is behind
+    BLEND = "blend"  # blended over surfaces behind
 
 
 @dataclass(frozen=True)

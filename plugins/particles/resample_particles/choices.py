@@ -37,7 +37,7 @@ class DensityOptions(Choices):
     quantity: Annotated[
         str | None,
         Field(
-            description="Quantity whose mean by mass is shown, such as temperature. [default: the "
+            description="Quantity to average by mass, such as temperature. [default: the "
             "column density]"
         ),
     ] = None

@@ -38,7 +38,7 @@ FINE, FINE_SLICE = 8.0, 48.0  # samples along the reach of a kernel, with its La
 
 @dataclass(frozen=True, eq=False)
 class DensityMap:
-    """A map of particles: numbers of pixels, and what they are.
+    """A map of particles: numbers of pixels, and their meaning.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def column_density(
     view
         `x`, `y` or `z`, along which is projected: y and z, x and z, or x and y then point to the
         right and up, and a periodic box is continued as far as the picture goes. Or a camera.
-        In perspective, each pixel gets the column along its rays; particles are left out whose
+        In perspective, each pixel gets the column along its rays; particles are left out if the
         kernel reaches the plane of the eye.
     size
         Width and height, px.
@@ -113,7 +113,7 @@ def column_density(
     slice_at
         Where a plane cuts, along the axis, or as depth before the camera; scene units. None: all.
     region
-        (2, 3) lowest and highest corner of what is shown along an axis; particles beyond in depth
+        (2, 3) lowest and highest corner of the region along an axis; particles beyond in depth
         are left out. Default: the box, or all particles.
 
     Raises

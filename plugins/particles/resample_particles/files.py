@@ -1,7 +1,7 @@
 """Read particles: columns of points, and HDF5 of SWIFT, GADGET and AREPO kind, and of Phantom.
 
 Lengths and masses are physical: factors of a and h are multiplied in. A snapshot may have several
-files, `snap.0.hdf5` and so on, of which any may be given.
+files, `snap.0.hdf5` and so on; give any of them.
 """
 
 import re
@@ -138,8 +138,8 @@ def read_particles(
     Parameters
     ----------
     path
-        `.hdf5`, `.h5`: a snapshot of SWIFT, GADGET, AREPO or Phantom (extra `hdf5`), of which one
-        file may stand for all; lengths and masses become physical, by the factors of a and h.
+        `.hdf5`, `.h5`: a snapshot of SWIFT, GADGET, AREPO or Phantom (extra `hdf5`); one
+        file stands for all; lengths and masses become physical, by the factors of a and h.
         Or points with columns, as `read_cloud` takes them: `.csv`, `.npz` and others, with columns
         mass and h or smoothing.
     kind
@@ -150,7 +150,7 @@ def read_particles(
     Raises
     ------
     ValueError
-        The format is unknown, there are no such particles, or a number of them is not finite.
+        The format is unknown, the particles are missing, or a number is not finite.
     OSError
         The file is missing or damaged.
 
@@ -263,7 +263,7 @@ def _part(path: Path, file: Any, number: int, quantities: Sequence[str] | None) 
 
 
 def _periodic(box: Doubles, position: Doubles) -> Doubles | None:
-    """Return a box that holds all particles; others are not periodic, as of isolated galaxies."""
+    """Return a box that holds all particles; others are not periodic, as for isolated galaxies."""
     if len(box) not in (1, 3) or not (box > 0).all():
         return None
     beyond = (position < -BESIDE * box) | (position > (1.0 + BESIDE) * box)
@@ -364,7 +364,7 @@ PHANTOM = {0: 1, 1: 7, 2: 5, 3: 6, 4: 4}  # Phantom's types: gas, dark matter, b
 
 
 def _phantom(path: Path, file: Any, number: int, quantities: Sequence[str] | None) -> Particles:
-    """Read Phantom's particles, whose kernel reaches 2 h; those with h <= 0 are accreted."""
+    """Read Phantom's particles; kernels reach 2 h, and particles with h <= 0 are accreted."""
     group, header = group_in(path, file, "particles"), group_in(path, file, "header")
     place = array_in(path, group, "xyz")
     count = len(place) if place is not None and place.ndim else 0
@@ -402,13 +402,13 @@ def array_in(path: Path, group: Any, name: str, shape: tuple[int, ...] | None = 
 
 
 def number_of(path: Path, owner: Any, name: str) -> float | None:
-    """Return an attribute as one number; None if there is none."""
+    """Return an attribute as one number; None if missing."""
     values = numbers_of(path, owner, name)
     return None if values is None else float(values[0])
 
 
 def text_of(path: Path, owner: Any, name: str) -> str:
-    """Return an attribute as text; empty if there is none."""
+    """Return an attribute as text; empty if missing."""
     with damage(path):
         if name not in owner.attrs:
             return ""

@@ -21,7 +21,7 @@ Span = tuple[float, float]
 class MapPicture:
     """A map in colors."""
 
-    rgba: Floats  # (H, W, 4) linear light; transparent where there is no value
+    rgba: Floats  # (H, W, 4) linear light; transparent without a value
     span: Span  # values of the first and the last color
     is_log: bool
     colors: Floats  # (LEVELS, 3) of the scale
@@ -56,7 +56,7 @@ def map_picture(
     colormap
         One of matplotlib's.
     span
-        Values at the ends: two numbers, or text `low,high`, of which each may be a quantile as in
+        Values at the ends: two numbers, or text `low,high`; each may be a quantile as in
         `2%,98%`. Default: all values, of a logarithmic scale at most 5 powers of ten.
     log
         Whether the scale is logarithmic. None: for densities.
@@ -87,7 +87,7 @@ def map_picture(
 
 
 def _shares(values: Doubles, span: Span, *, is_log: bool) -> Doubles:
-    """Return where values lie in a span, from 0 to 1; NaN where there are none."""
+    """Return positions of values in a span, from 0 to 1; NaN without a value."""
     low, high = span
     if is_log:
         low, high = math.log10(low), math.log10(high)

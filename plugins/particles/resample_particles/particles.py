@@ -34,7 +34,7 @@ class Particles:
     units
         Texts by name: of `length` and `mass`, and of quantities.
     box
-        (3,) size of a periodic box whose lowest corner is at 0, or one for a cube; None: there is
+        (3,) size of a periodic box with its lowest corner at 0, or one for a cube; None: there is
         none.
 
     Raises
@@ -82,7 +82,7 @@ class Particles:
         return len(self.position)
 
     def smoothed(self) -> "Particles":
-        """Return the particles with smoothing lengths, found where there are none."""
+        """Return the particles with smoothing lengths, estimated if missing."""
         if self.smoothing is not None:
             return self
         return replace(self, smoothing=found_smoothing(self.position, self.box))

@@ -1,4 +1,4 @@
-"""Particles ready to be mapped: maps and films for the command line, and what pages show."""
+"""Particles ready to be mapped: maps and films for the command line, and pages."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -63,7 +63,7 @@ class ParticlePictures:
     def place_at(self, camera: Any, shape: "Shape", x: float, y: float) -> "Doubles | None":
         """Return the position at a point of the picture, in the slice or the middle's plane.
 
-        None: cameras that see more than what is before them have no such plane.
+        None: cameras that see more than a half-space have no such plane.
         """
         from resample_points.painting.bending import places_at
 
@@ -153,7 +153,7 @@ class ParticlePictures:
 
 
 def particles_in(session: "Session", file: Path, options: DensityOptions) -> "Particles":
-    """Read the particles of a command, and find their smoothing lengths where there are none."""
+    """Read the particles of a command, and estimate missing smoothing lengths."""
     from resample.engine import jit
     from resample.messages import naming
     from resample_particles.files import read_particles
@@ -245,7 +245,7 @@ def density_of(
 
 
 def _slice(particles: "Particles", axis: str, given: str | None, region: Any) -> float | None:
-    """Return where a slice is along an axis; shares are of what is shown."""
+    """Return the position of a slice along an axis; shares are of the region."""
     from resample_particles.placing import region_of
 
     if given is None:

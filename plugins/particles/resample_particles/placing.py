@@ -14,7 +14,7 @@ from resample_particles.smoothing import SmoothingKernel, plane_share, wrapped
 
 AXES = {"x": (1, 2, 0), "y": (0, 2, 1), "z": (0, 1, 2)}  # to the right, up, and along
 SMALLEST = 1e-6  # px, reach of a point
-TINY = 0.5  # px, reach of kernels whose outlines are not followed
+TINY = 0.5  # px, reach of kernels with outlines that are not followed
 COPIES = 64  # most copies of a periodic box along an axis
 
 
@@ -71,7 +71,7 @@ def along_axis(
 
 
 def region_of(particles: Particles, given: ArrayLike | None) -> Doubles:
-    """Return the lowest and highest corner (2, 3) of what is shown; infinite ends are as usual."""
+    """Return the lowest and highest corner (2, 3) of the region; infinite ends are as usual."""
     position = particles.position
     usual = np.stack([position.min(axis=0), position.max(axis=0)])
     if particles.box is not None:

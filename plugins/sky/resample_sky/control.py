@@ -30,7 +30,7 @@ PlaceFunction = Callable[[Any, Any], Any]  # from x and y to x and y
 def coarsely(
     function: PlaceFunction, shape: tuple[int, int], error: float, exact: Any = ()
 ) -> BackwardMap:
-    """Return the map of a function from x and y of pixels to those of the source.
+    """Return the map of a function from x and y of pixels to x and y of the source.
 
     The error is checked at the middles of the grid's cells and of their sides. Cells where it may
     be larger, or where the function is not a number, and the cells beside them, are evaluated at
@@ -38,7 +38,7 @@ def coarsely(
 
     `function`: takes and returns two arrays of one shape, px. `shape`: height and width of the
     target, px. `error`: of a place, px, at most; 0: all pixels are evaluated. `exact`: (N, 2)
-    places in the target whose cells are evaluated at each pixel, too.
+    places in the target with cells evaluated at each pixel, too.
     """
     from scipy import ndimage
 

@@ -92,7 +92,7 @@ def reproject(
     Raises
     ------
     ValueError
-        Coordinates are no such, or as `warp` does.
+        Coordinates are invalid, or as `warp` does.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def reproject(
 class Coadded(NamedTuple):
     """Pictures added up."""
 
-    mean: NDArray[Any]  # (h, w) or (h, w, C), of what covers a pixel; not a number where nothing
+    mean: NDArray[Any]  # (h, w) or (h, w, C), of texels that cover a pixel; NaN without any
     weight: Doubles  # as `mean`: sum of weights times the shares of the pixel that they cover
     variance: Doubles | None  # as `mean`, of the mean; not a number where nothing covers a pixel
 
@@ -136,7 +136,7 @@ def coadd(
     """Add pictures up in one frame: their mean by weight, as drizzle and reproject make it.
 
     A texel counts by its weight times the share of the pixel that it covers. `nearest` takes
-    texels for squares of one value, whose shares are exact for warps along the axes (drizzle with
+    texels for squares of one value, with exact shares for warps along the axes (drizzle with
     `pixfrac=1`). `bilinear` is smoother.
 
     Variances of the mean are sums of the texels' variances times their squared shares, exact where

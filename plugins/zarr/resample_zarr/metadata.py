@@ -25,7 +25,7 @@ VERSIONS = ("0.4", "0.5")
 KINDS = {"time": "t", "channel": "c"}  # non-spatial axes
 SPACE = "zyx"
 OWN = "hybrid-resample"  # key of volume properties that the format lacks, in stores that we write
-MOST = 1 << 32  # chunks in the table, of which only used pages take memory
+MOST = 1 << 32  # chunks in the table; only used pages take memory
 FEW = 4  # if at most one chunk in so many exists, they are read one by one
 NUMBER = re.compile(r"\d{1,12}")
 
@@ -230,7 +230,7 @@ class Holes(NamedTuple):
     is_there: NDArray[np.bool_] | None  # by chunk index; None: all exist, or it is unknown
 
     def message(self, fill: Any) -> str:
-        """Message about missing chunks; empty if there are none."""
+        """Message about missing chunks; empty if none are missing."""
         if not self.missing:
             return ""
         return (
@@ -313,7 +313,7 @@ def _index(array: Any, name: str, grid: tuple[int, ...]) -> tuple[int, ...] | No
 
 
 def _check_claims(array: Any, name: str, holes: Holes, there: list[tuple[int, ...]]) -> None:
-    """Reject an array of gigabytes by its metadata, most of whose chunks are missing."""
+    """Reject an array of gigabytes by its metadata if most of its chunks are missing."""
     known = limits()
     claimed = holes.missing * prod(_sides(array)) * array.dtype.itemsize
     if claimed <= known.unpacked:

@@ -55,7 +55,7 @@ def open_node(path: Place) -> Any:
             root = "" if is_store(path) else None
         else:
             listing = packed = Zip(place)
-            # Path of the topmost metadata in a zip file; None if there are none.
+            # Path of the topmost metadata in a zip file; None if missing.
             found = [name for name in packed.members if name.rpartition("/")[2] in MARKS]
             root = min(found, key=len).rpartition("/")[0] if found else None
             store = zarr.storage.ZipStore(place, mode="r")

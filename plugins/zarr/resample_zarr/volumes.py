@@ -55,7 +55,7 @@ from resample_zarr.metadata import (
 from resample_zarr.opening import open_node, reading, reading_metadata
 
 RECENT = 2.0  # seconds in which a file may change without a new timestamp
-SETTLED = 3600.0  # the same for web servers, whose clocks may differ, seconds
+SETTLED = 3600.0  # the same for web servers, as their clocks may differ, seconds
 BATCH_SIZE = 32  # chunks that a web server is asked about at a time
 PAGE = 1000  # that are listed, or asked about, before work looks up
 FORM = 2  # of the cache files
@@ -310,7 +310,7 @@ class Boxes:
     axes: str  # its letters
     at: tuple[tuple[str, int], ...]  # time and channel
     dtype: np.dtype[Any]  # that voxels get
-    holes: Holes | None = None  # what is missing of the array
+    holes: Holes | None = None  # missing chunks of the array
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -354,7 +354,7 @@ class Chunked:
     brick: Step | None = None  # voxels read together; None: by chunks
     store: Place | None = None  # folder, zip file or address, to cache statistics by
     alone: tuple[str, int] | None = None  # the only time or channel
-    holes: Holes | None = None  # what is missing of the array
+    holes: Holes | None = None  # missing chunks of the array
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -548,7 +548,7 @@ def _image(path: Place, name: str) -> tuple[Layout, zarr.Array[Any] | zarr.Group
     """Return the metadata of an image, and its location."""
     node = open_node(path)
     if isinstance(node, zarr.Array):
-        # A plain array is no part of an image.
+        # A plain array is not part of an image.
         own = getattr(node.metadata, "dimension_names", None)
         named = own or node.attrs.get("_ARRAY_DIMENSIONS")
         letters = "".join(str(axis).lower()[:1] for axis in named or ())

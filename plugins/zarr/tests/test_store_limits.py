@@ -177,7 +177,7 @@ def test_metadata_beyond_their_limit_are_not_read(tmp_path, monkeypatch):
 @pytest.mark.parametrize("by", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
 def test_members_whose_sizes_cannot_be_relied_on_are_not_unpacked(by, tmp_path):
     path = zipped(tmp_path / "a.zarr.zip", by=by)
-    with pytest.raises(ValueError, match="packed by a method whose sizes cannot be relied on"):
+    with pytest.raises(ValueError, match="packed by a method with unreliable sizes"):
         open_volume(path)
 
 

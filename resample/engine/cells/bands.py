@@ -1,7 +1,7 @@
 """Cells on the screen: boxes of pixels, their sums, and bands of rows, each painted by one thread.
 
 Passes go batch by batch, in the order of the source. Visibility takes several: find the nearest
-cells, the next ones, and what these leave. The application plays `placed` for the source, which is
+cells, the next ones, and the rest. The application plays `placed` for the source, which is
 projected again in every pass, `take` for every kind of pass, and `skips` for passes that do not
 need all members.
 """
@@ -40,7 +40,7 @@ class Means(NamedTuple):
 
 
 def offsets(bounds: Integers, lanes: int) -> Integers:
-    """Index where the sums of each part begin (B + 1,)."""
+    """Index of the first sum of each part (B + 1,)."""
     start = np.zeros(len(bounds) + 1, np.int64)
     pixels = (bounds[:, BOTTOM] - bounds[:, TOP]) * (bounds[:, RIGHT] - bounds[:, LEFT])
     np.cumsum(pixels * lanes, out=start[1:])
@@ -77,7 +77,7 @@ def collect(
 
 @kernel
 def _inner_columns(border: Border, y: float, width: int) -> tuple[int, int]:
-    """First and last + 1 of a row's pixels whose filters, `reach` px wide, are inside all lines."""
+    """First and last + 1 of a row's pixels with filters, `reach` px wide, inside all lines."""
     lines, reach = border.lines, border.reach
     first, last = 0.0, float(width)
     # Each line bounds the columns from one side, by the sign of its slope.
@@ -102,15 +102,15 @@ def _finish_band(
     weight_at = picture.shape[2] - 1
     zero, one = np.float32(0), np.float32(1)
     for row in range(rows[0], rows[1]):
-        # Columns whose filters lie within the source.
+        # Columns with filters within the source.
         inner = _inner_columns(border, border.row + row + 0.5, border.column + picture.shape[1])
         for column in range(picture.shape[1]):
             weight = picture[row, column, weight_at]
             is_inner = inner[0] <= border.column + column < inner[1]
-            # Pixels that are full have coverage 1, others that of their weight.
+            # Full pixels have coverage 1, others their weight.
             is_full = weight > zero and (weight >= border.full or is_inner)
             coverage[row, column] = one if is_full else min(max(weight, zero), one)
-            # Divide where the weight is no coverage: in full pixels, and where it is above 1.
+            # Divide where the weight differs from the coverage: in full pixels, and above 1.
             is_mean = (is_full or weight > one) and not is_sum
             share = one / weight if is_mean else one
             for lane in range(weight_at):
@@ -149,7 +149,7 @@ def length(a: Single, b: Single) -> Single:
 
 @inner_kernel
 def beyond(start: Number, extent: Number, pixel: Number) -> Number:
-    """Share of a box, along an axis, beyond the pixel in which it starts."""
+    """Share of a box, along an axis, beyond the pixel where it starts."""
     return max(np.float32(0), (start + extent - pixel - np.float32(1)) / extent)
 
 
@@ -160,7 +160,7 @@ def within(start: Number, end: Number, pixel: Number) -> tuple[Number, Number]:
 
 
 class Batch(NamedTuple):
-    """Columns of N cells, of which the first few may be in use."""
+    """Columns of N cells; possibly only the first few are in use."""
 
     pixel: Places  # (N,) first pixel that a cell meets: row × width + column in its part's pixels
     # (N,) share of the second pixel (area filter), or the distance from the first tap to where the
@@ -188,7 +188,7 @@ Bounds = NDArray[Any]  # (..., 4) whole numbers, px: see `LEFT`
 # Columns of bounds on the screen; the last two are exclusive.
 LEFT, TOP, RIGHT, BOTTOM = range(4)
 
-Source = Any  # bundles of the application's, whose classes select what the roles do
+Source = Any  # bundles of the application; their classes select the roles' bodies
 Pass = Any
 Members = Any
 
@@ -202,7 +202,7 @@ def bands(counter: Counter, height: int, band: int) -> Iterator[tuple[int, int]]
 
 @kernel
 def overlapping(bounds: Bounds, rows: tuple[int, int], width: int) -> NDArray[np.int32]:
-    """Indices, in order, of those bounds (N, 4) that meet a band's rows, `width` px wide."""
+    """Indices, in order, of bounds (N, 4) that meet a band's rows, `width` px wide."""
     found = np.empty(bounds.shape[0], np.int32)
     count = 0
     for n in range(bounds.shape[0]):
@@ -222,7 +222,7 @@ def placed(source: Source, member: int, batch: Members) -> int:
 
 @role
 def skips(look: Pass, source: Source, member: int, nth: int) -> bool:
-    """Whether a pass needs nothing of a member, the `nth` that meets the band."""
+    """Whether a pass can skip a member, the `nth` that meets the band."""
     raise NotImplementedError
 
 

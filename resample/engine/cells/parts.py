@@ -1,6 +1,6 @@
-"""The loop over parts of a source: each is placed cell by cell on pixels of its own.
+"""The loop over parts of a source: each is placed cell by cell on its own pixels.
 
-The application says what a part is and how its cells are placed: for a bundle of its own it plays
+The application says what a part is and how its cells are placed: for its own bundle it plays
 the roles `begun`, `lines` and `fill`, and `stamp` where a line holds more than cells.
 """
 
@@ -45,7 +45,7 @@ from resample.engine.surfaces import (
 from resample.types import Doubles, Floats
 
 Integers = NDArray[np.int64]
-Source = Any  # a bundle of the application's, whose class selects what the roles do
+Source = Any  # a bundle of the application; its class selects the roles' bodies
 Work = Any  # likewise, of one part; its field `batch` is a `Batch`
 
 BATCH = 1 << 25  # numbers that parts may hold at a time
@@ -61,13 +61,13 @@ class SourceParts(NamedTuple):
 
 @making_role
 def begun(source: Source, part: int) -> Work:
-    """Set up what a part's cells are placed with, and scratch for a batch of them."""
+    """Set up a part for placing its cells, and scratch for a batch of them."""
     raise NotImplementedError
 
 
 @role
 def lines(source: Source, part: int) -> int:
-    """Number of batches that the cells of a part come in."""
+    """Number of batches of a part's cells."""
     raise NotImplementedError
 
 
@@ -75,7 +75,7 @@ def lines(source: Source, part: int) -> int:
 def fill(
     source: Source, part: int, line: int, box: Integers, spread: FilterTaps, work: Work
 ) -> int:
-    """Place a batch of cells within the pixels `box` (4,) of their part; return how many."""
+    """Place a batch of cells within the pixels `box` (4,) of their part; return their count."""
     raise NotImplementedError
 
 
@@ -123,7 +123,7 @@ def parts_of(bounds: Integers, lanes: int) -> SourceParts:
 
 
 def batches(bounds: Integers, lanes: int) -> Iterator[slice]:
-    """Yield consecutive parts whose pixels fit in memory together."""
+    """Yield groups of consecutive parts with pixels that fit in memory together."""
     start = offsets(bounds, lanes)
     first = 0
     while first < len(bounds):
@@ -215,7 +215,7 @@ def _weigh_exactly(line: Floats, weight: Floats) -> None:
     wide, high = line[WIDE, 0], line[HIGH, 0]
     if max(wide, high) > WIDEST:
         return
-    # Paint it on a canvas of its own, moved by whole pixels so that its weights are the same.
+    # Paint it on its own canvas, moved by whole pixels so that its weights are the same.
     x, y = line[X, 0], line[Y, 0]
     columns, rows = int(2.0 * wide) + 3, int(2.0 * high) + 3
     line[X, 0] = x - np.float32(math.floor(x - wide))

@@ -16,7 +16,7 @@ PHASES = 2048  # rows of a filter's table
 
 
 class FilterTaps(NamedTuple):
-    """The pixel filter as a table, and what is summed."""
+    """The pixel filter as a table, and the quantities that are summed."""
 
     taps: int  # px per side that a cell meets; 0: the area filter, which meets 2
     is_sum: bool  # a value is a total that is distributed, not a density
@@ -100,7 +100,7 @@ def _add_points_gray(
     for n in range(count):
         if mass[n] == np.float32(0):
             continue
-        # Look up the weights of both axes, whose products are those of the pixels.
+        # Look up the weights of both axes; their products are the pixels' weights.
         value = values[0, n]
         phase_x, phase_y = phase_of(along_x[n]), phase_of(along_y[n])
         at = start + 2 * pixel[n]
@@ -128,7 +128,7 @@ def _add_points_color(
     for n in range(count):
         if mass[n] == np.float32(0):
             continue
-        # Look up the weights of both axes, whose products are those of the pixels.
+        # Look up the weights of both axes; their products are the pixels' weights.
         red, green, blue = values[0, n], values[1, n], values[2, n]
         phase_x, phase_y = phase_of(along_x[n]), phase_of(along_y[n])
         at = start + 4 * pixel[n]

@@ -1,1 +1,1 @@
-"""Machine code of kernels: compiled by numba, kept on disk, and built ahead into a library."""
+"""Machine code of kernels: compiled by numba, cached on disk, or built ahead into a library."""

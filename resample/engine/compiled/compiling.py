@@ -1,4 +1,4 @@
-"""What knows numba: the compiler's options, and machine code that is kept on disk.
+"""Interface to numba: the compiler's options, and the disk cache of machine code.
 
 Imported by `resample.engine.jit` when a kernel has to be compiled, or was compiled before.
 """
@@ -49,7 +49,7 @@ types: Any = numba_types  # which has more in it than its stubs say
 
 
 def _leave_locks_untimed() -> None:
-    """Let numba not take the time at each call of LLVM.
+    """Disable numba's timing of each call of LLVM.
 
     A first picture takes 70,000 of them, and each is told to the timers of all kernels that wait
     for the one that is compiled: a tenth of all, for a number that nobody asks for.
@@ -65,7 +65,7 @@ _leave_locks_untimed()
 
 @cache
 def _leave_algebra_unloaded() -> None:
-    """Let numba take SciPy's BLAS for granted, which it imports whole to see whether it is there.
+    """Make numba assume SciPy's BLAS, instead of importing all of it for a check.
 
     That is a fifth of a second before any kernel runs. Code that calls BLAS still imports it.
     """
@@ -107,7 +107,7 @@ _asked: list[int] = []  # what SLP_VECTORIZE was before a packed kernel set it f
 
 
 def _settings() -> tuple[object, ...]:
-    """The compiler's settings, as they are now."""
+    """The compiler's current settings."""
     values = {name: getattr(numba.config, name, None) for name in SETTINGS}
     if _asked:
         values["SLP_VECTORIZE"] = _asked[0]
@@ -115,7 +115,7 @@ def _settings() -> tuple[object, ...]:
 
 
 def key_of(given: Any) -> str:
-    """Name of an argument's type, as `Kernel` of the library makes it of a value.
+    """Name of an argument's type, equal to `Kernel`'s name for a value.
 
     `given`: what numba takes the argument for. Names are ``q``, ``d``, ``b``, ``n`` for an int,
     a float, a bool and None; ``sf4`` for a number of NumPy; ``[f4,2,C]`` for an array (dtype,
@@ -142,7 +142,7 @@ def key_of(given: Any) -> str:
 
 
 def _dtype(given: Any) -> str:
-    """Name of what an array holds: `library.dtype_name` of the same."""
+    """Name of an array's dtype, as in `library.dtype_name`."""
     return library.dtype_name(as_dtype(given))
 
 
@@ -155,7 +155,7 @@ def _classes(given: Any) -> Iterator[type]:
 
 
 def folder() -> Path:
-    """Where kernels are kept: NUMBA_CACHE_DIR, else a folder of the user's cache.
+    """Folder of the kernel cache: NUMBA_CACHE_DIR, else in the user's cache.
 
     numba's own setting will not do: it may come from a file in the working folder.
     """
@@ -171,7 +171,7 @@ _reading = Lock()
 
 
 class KernelCache(NullCache):  # type: ignore[misc]
-    """What numba asks for machine code of one kernel before it compiles, and gives what it made.
+    """Cache of one kernel's machine code, which numba reads before compiling and fills after.
 
     Settings of the compiler that were changed after a kernel was defined are a trial: nothing is
     taken from the disk then, and nothing stored.
@@ -186,7 +186,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
 
     @property
     def cache_path(self) -> str:
-        """Folder of the files, which numba's statistics tell."""
+        """Folder of the files, for numba's statistics."""
         return str(folder())
 
     def path(self, signature: Any) -> Path | None:
@@ -241,14 +241,14 @@ class KernelCache(NullCache):  # type: ignore[misc]
 
 
 class _Unpickler(pickle.Unpickler):
-    """Reads machine code without the modules that its functions are from, numba's among them."""
+    """Reads machine code without its functions' modules, such as numba's."""
 
     def find_class(self, module: str, name: str) -> Any:
         return _environment if name == "_rebuild_env" else super().find_class(module, name)
 
 
 def _environment(module: str, constants: list[object], name: str) -> environment.Environment:
-    """Environment of a function that is finished, and needs of it no more than constants."""
+    """Environment of a compiled function, reduced to constants."""
     known = environment.lookup_environment(name)
     if known is None:
         known = environment.Environment({"__name__": module})
@@ -267,7 +267,7 @@ def _note_use(path: Path) -> None:
 
 @contextmanager
 def in_turn(path: Path) -> Iterator[None]:
-    """Wait until no other process or thread compiles the kernel that a file is to hold."""
+    """Wait until no other process or thread compiles the kernel of a file."""
     lock_path = path.with_suffix(".lock")
     with ExitStack() as held:
         with suppress(OSError):  # a folder that has gone, a file system without locks: do not wait
@@ -286,7 +286,7 @@ def in_turn(path: Path) -> Iterator[None]:
 
 
 def _get_ready() -> None:
-    """Load what numba needs to compile, and tell it of the functions that kernels call.
+    """Load numba's parts for compiling, and declare the functions that kernels call.
 
     Machine code that is kept needs neither, which would take 0.2 s.
     """
@@ -301,7 +301,7 @@ def _say_that_it_takes_long() -> None:
 
 
 def _keep(compiled: Any, called: Any) -> None:
-    """Keep a kernel's machine code on disk; each file's is compiled by one process at a time."""
+    """Cache a kernel's machine code on disk; each file is compiled by one process at a time."""
     compiled._cache = kept = KernelCache(called)
     compile_now = compiled.compile
 
@@ -319,7 +319,7 @@ _packs = Lock()  # numba has one setting for all threads
 
 
 def _pack(compiled: Any) -> None:
-    """Let the compiler make equal operations on neighbouring numbers one operation."""
+    """Let the compiler vectorize equal operations on neighbouring numbers."""
     compile_now = compiled.compile
 
     def compile_packed(signature: Any) -> Any:
@@ -337,9 +337,9 @@ def _pack(compiled: Any) -> None:
 
 
 class _Part(JITCodeLibrary):  # type: ignore[misc]
-    """Code of a kernel that becomes a part of those that call it, and is never run by itself.
+    """Code of a kernel that is inlined into its callers, and is never run by itself.
 
-    numba would make machine code of it and of all that it calls, which nothing would use.
+    numba would compile it and everything that it calls, which nothing would use.
     """
 
     def _finalize_final_module(self) -> None:
@@ -356,11 +356,11 @@ class _Part(JITCodeLibrary):  # type: ignore[misc]
 
 
 class _Unheard:
-    """Takes the place of the engine, which parts are not given to."""
+    """Stand-in for the execution engine, which inlined parts do not use."""
 
     @staticmethod
     def set_env(name: str, environment: Any) -> None:
-        """Parts raise nothing that would need an environment of theirs."""
+        """Parts raise no exceptions, which would need an environment each."""
 
 
 class PartCompiler(Compiler):  # type: ignore[misc]
@@ -376,13 +376,13 @@ OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 PART = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
 
 
-_overloads: list[Callable[[], None]] = []  # that tell numba of what kernels call
+_overloads: list[Callable[[], None]] = []  # that declare to numba the functions that kernels call
 
 
 def define(
     called: Callable[..., Any], function: FunctionType, is_packed: bool, options: dict[str, Any]
 ) -> Any:
-    """Return a kernel as numba's.
+    """Return a kernel as a numba dispatcher.
 
     `called`: what kernels and Python call, by the kernel's name. `function`: its body. `is_packed`:
     whether equal operations on neighbouring numbers become one. `options`: further ones of numba's.
@@ -395,10 +395,10 @@ def define(
 
 
 def define_part(called: Any, function: FunctionType, options: dict[str, Any]) -> None:
-    """Tell numba of a kernel that other kernels call.
+    """Declare to numba a kernel that other kernels call.
 
-    It is compiled with them, without the code that unpacks Python's arguments and without machine
-    code of its own: both would take a fifth of the time.
+    It is compiled with them, without the code that unpacks Python's arguments and without its own
+    machine code: both would take a fifth of the time.
     """
     called.settings = _settings()
     inner = {**OPTIONS, **options, **PART}
@@ -412,7 +412,7 @@ def define_role(
     inline: str,
     options: dict[str, Any],
 ) -> None:
-    """Tell numba of a role, whose body the class of the first argument chooses."""
+    """Declare a role to numba; the first argument's class chooses its body."""
 
     def chosen(*given: Any) -> Callable[..., Any] | None:
         first = given[0]
@@ -425,7 +425,7 @@ def define_role(
 
 
 def _compile_nothing() -> None:
-    """Wait until no thread compiles: a process that is forked the while could never compile."""
+    """Wait until no thread compiles: a process forked meanwhile could never compile."""
     _packs.acquire()
     global_compiler_lock.acquire()
 
@@ -443,7 +443,7 @@ if hasattr(os, "register_at_fork"):
 
 @intrinsic  # type: ignore[untyped-decorator]
 def _add_one(_: Any, counter: Any) -> Any:
-    """Add 1 to the first number of an array of int64 at one go; gives what it was."""
+    """Add 1 atomically to the first number of an int64 array; return the old value."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
@@ -455,7 +455,7 @@ def _add_one(_: Any, counter: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def _load_soon(_: Any, array: Any, index: Any) -> Any:
-    """Ask for the cache line of a number of a flat array."""
+    """Prefetch the cache line of a number of a flat array."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
@@ -470,7 +470,7 @@ def _load_soon(_: Any, array: Any, index: Any) -> Any:
 
 
 def define_instructions(next_task: Callable[..., int], load_soon: Callable[..., None]) -> None:
-    """Tell numba of functions of the engine that are one instruction each."""
+    """Declare to numba the engine's functions of one instruction each."""
 
     @overload(next_task)
     def add_one(counter):  # type: ignore[no-untyped-def]  # noqa: ARG001

@@ -1,4 +1,4 @@
-"""Fingerprints of what numba compiles: a kernel's function, and all that its code names.
+"""Fingerprints of code that numba compiles: a kernel's function, and the names in it.
 
 numba reads byte code and values, so these count: byte code without positions and docstrings, and
 values of globals, of attributes of modules, of defaults and of free variables, as they are when it
@@ -26,10 +26,10 @@ KIND = 0xFF  # flags of a code that tell what arguments it takes, and whether it
 
 
 def made_from(called: Any, classes: Iterable[type]) -> tuple[str, list[str]]:
-    """Fingerprint of what a kernel is compiled from, and names of that.
+    """Fingerprint of a kernel's sources, and their names.
 
     `called`: the kernel, as kernels and Python call it. `classes`: of the bundles that it is called
-    with. Names are those of functions, classes and constants, and of modules that
+    with. Names belong to functions, classes and constants, and to modules that
     count whole.
     """
     walk = _Walk()
@@ -39,7 +39,7 @@ def made_from(called: Any, classes: Iterable[type]) -> tuple[str, list[str]]:
 
 
 class _Walk:
-    """Texts of values; functions and classes are numbered as they are found, and told once."""
+    """Texts of values; functions and classes are numbered as found, and described once."""
 
     def __init__(self) -> None:
         self.parts: set[str] = set()
@@ -49,7 +49,7 @@ class _Walk:
         self._roles: list[dict[type, FunctionType]] = []  # bodies of each
 
     def described(self) -> list[str]:
-        """Texts of all that is found, and of the bodies that its classes play in its roles."""
+        """Texts of everything found, and of the bodies that its classes play in roles."""
         told: list[str] = []
         played: list[str] = []
         while len(told) < len(self._waiting):
@@ -62,12 +62,12 @@ class _Walk:
         return told + played
 
     def whole(self, module: str) -> str:
-        """Text of a module that counts as it is written, but for comments and docstrings."""
+        """Text of a module's source, without comments and docstrings."""
         self.parts.add(module)
         return f"{module} {_module_digest(module)}"
 
     def text(self, value: Any, label: str, names: tuple[str, ...]) -> str:
-        """Text of a value that code names.
+        """Text of a value named in code.
 
         `value`: what the name stands for. `label`: the name, with its module. `names`: those in the
         code that may be attributes of a module.
@@ -95,7 +95,7 @@ class _Walk:
         return f"{type(value)} {[self.whole(each) for each in modules if not _is_foreign(each)]}"
 
     def _called(self, value: Any) -> str:
-        """Text of a kernel, a role, an intrinsic, or a function that numba has an overload for."""
+        """Text of a kernel, a role, an intrinsic, or a function with an overload of numba."""
         options = getattr(value, "options", getattr(value, "targetoptions", {}))
         flags = sorted(
             f"{key} {sorted(each) if isinstance(each, set) else each!s}"
@@ -121,7 +121,7 @@ class _Walk:
         return f"#{self._numbers[thing]}"
 
     def _members(self, known: dict[str, Any], home: str, names: tuple[str, ...]) -> str:
-        """Text of what names stand for in a module, as far as they are there."""
+        """Text of the objects that names stand for in a module, as far as they exist."""
         told = (f"{n} {self.text(known[n], f'{home}.{n}', names)}" for n in names if n in known)
         return f"{home}({', '.join(told)})"
 
@@ -147,7 +147,7 @@ class _Walk:
 
 
 def _home(value: Any) -> str:
-    """Name of the module that a value is from, or of the value itself if it is a module."""
+    """Name of a value's module, or of the value itself if it is a module."""
     if isinstance(value, ModuleType):
         return value.__name__
     return getattr(value, "__module__", None) or type(value).__module__
@@ -162,7 +162,7 @@ def _is_foreign(module: str) -> bool:
 
 
 def _overloads(function: FunctionType) -> list[FunctionType]:
-    """What numba was told to compile in place of a function."""
+    """Overloads that numba compiles in place of a function."""
     told = (types for value, types in builtin_registry.globals if value is function)
     templates = (each for types in told for each in getattr(types, "templates", ()))
     return [each._overload_func for each in templates if hasattr(each, "_overload_func")]
@@ -170,7 +170,7 @@ def _overloads(function: FunctionType) -> list[FunctionType]:
 
 @cache
 def _module_digest(name: str) -> str:
-    """Fingerprint of a module's code; of its file, if its importer tells no code."""
+    """Fingerprint of a module's code, or of its file if its importer has no code."""
     module = sys.modules[name]
     find_code = getattr(module.__loader__, "get_code", None)
     code = find_code(name) if find_code is not None else None

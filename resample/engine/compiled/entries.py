@@ -1,6 +1,6 @@
 """Files of compiled kernels in the user's cache: one for each kernel and types of its arguments.
 
-A file's name is a fingerprint of all that its machine code depends on, so a file is never out of
+A file's name is a fingerprint of everything its code depends on, so a file is never out of
 date: a clone, a copy and a wheel of the same sources share it, and an edit makes other names.
 """
 
@@ -31,13 +31,13 @@ class Entry(NamedTuple):
 
     kernel: str  # module and name
     key: str  # types of the arguments
-    parts: list[str]  # names of what it was compiled from
+    parts: list[str]  # names of its sources
     seconds: float  # of CPU time that this took
     payload: bytes  # pickled by numba
 
 
 def read(path: Path) -> Entry | None:
-    """Entry in a file; None if there is none, or if it is damaged: then it is removed."""
+    """Entry in a file; None if it is missing, or damaged: then it is removed."""
     try:
         data = own_bytes(path)
     except NotOwnError as error:
@@ -60,7 +60,7 @@ def read(path: Path) -> Entry | None:
 
 
 def write(path: Path, entry: Entry) -> None:
-    """Store an entry. A disk that is full, or may not be written to, is told of once.
+    """Store an entry. A disk that is full or read-only is reported once.
 
     The file appears whole, or not at all.
     """
@@ -87,7 +87,7 @@ def _checksum(data: bytes) -> bytes:
 
 @cache
 def say_that_nothing_is_kept(reason: str) -> None:
-    """Tell once that kernels are compiled for this process alone."""
+    """Report once that kernels are compiled for this process alone."""
     LOG.info(
         "kernels cannot be kept on disk (%s): every process compiles them; set NUMBA_CACHE_DIR",
         reason,
@@ -100,7 +100,7 @@ def _prune_once(folder: Path) -> None:
 
 
 def prune(folder: Path, most: int = MOST) -> None:
-    """Remove files that were not used for long, and all above a number of bytes, oldest first."""
+    """Remove files unused for long, and the oldest above a number of bytes."""
     now, kept = time.time(), 0
     used = []
     for file in folder.iterdir():

@@ -3,8 +3,8 @@
 `make kernels` builds it, and wheels have it. It holds machine code for a level of processors
 (x86-64-v3; any 64-bit one of ARM's), and a marshaller in C that finds the code for the types of a
 call's arguments. A kernel of it is used if the sources are those that it was compiled from, the
-processor has what it needs, and no setting of numba's asks for other code; else numba compiles, as
-it does where there is no library. RESAMPLE_KERNELS=off works as if there were none.
+processor has what it needs, and no numba setting asks for other code; else numba compiles, as
+it does without a library. RESAMPLE_KERNELS=off ignores the library.
 """
 
 import hashlib
@@ -44,7 +44,7 @@ Call = Callable[[tuple[Any, ...], dict[str, Any]], Any]
 
 
 def dtype_name(dtype: DTypeLike) -> str:
-    """Name of what an array holds: ``f4``, or names, types and places of fields.
+    """Name of an array's dtype: ``f4``, or names, types and places of fields.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def dtype_name(dtype: DTypeLike) -> str:
 
 
 def kernel(function: Callable[..., Any]) -> Call | None:
-    """A kernel of the library, to be called with a tuple and a dict of arguments.
+    """A kernel of the library; call it with a tuple and a dict of arguments.
 
     The call gives `NotImplemented` if the library has no code for their types. None if the library
     has no code of the kernel at all, or is not used.
@@ -90,12 +90,12 @@ def kernel(function: Callable[..., Any]) -> Call | None:
 
 
 def is_there() -> bool:
-    """Whether there is a library, and it is used."""
+    """Whether a library exists and is used."""
     return _native() is not None
 
 
 def _admits(found: Any, stale: set[int], function: FunctionType, args: Any, kwargs: Any) -> bool:
-    """Whether the library has code for a first call, of the sources that are there now."""
+    """Whether the library has code for a first call, from the current sources."""
     name = f"{function.__module__}.{function.__qualname__}"
     match = found.match(args, kwargs)
     if match is None:
@@ -114,7 +114,7 @@ def _admits(found: Any, stale: set[int], function: FunctionType, args: Any, kwar
 
 
 def source_digest(*modules: str) -> str:
-    """Fingerprint of the files of modules; those that are not there have one of their own."""
+    """Fingerprint of the files of modules; missing files have their own fingerprint."""
     return hashlib.sha256("".join(map(_file_digest, modules)).encode()).hexdigest()
 
 
@@ -133,7 +133,7 @@ def _say_that_it_is_missing(name: str, what: str) -> None:
 
 @cache
 def _native() -> ModuleType | None:
-    """The shared library, if there is one and it is to be used."""
+    """The shared library, if it exists and is enabled."""
     asked = os.environ.get(VARIABLE, "on")
     if asked not in {"on", "off"}:
         raise ValueError(f"{VARIABLE} is {asked!r}: on or off")
@@ -162,12 +162,12 @@ def _native() -> ModuleType | None:
 
 
 def sealed(file: bytes) -> bytes:
-    """Content of a library's file with its checksum at the end, where loaders do not look."""
+    """Content of a library's file with its checksum at the end, which loaders ignore."""
     return file + _seal(memoryview(file))
 
 
 def is_whole(file: bytes) -> bool:
-    """Whether the content of a library's file is as `sealed` left it.
+    """Whether the content of a library's file is unchanged since `sealed`.
 
     macOS checks the signature that its linker has written at the end, after which nothing may be.
     """
@@ -182,5 +182,5 @@ def _seal(content: memoryview) -> bytes:
 
 
 def lacking(native: ModuleType) -> tuple[str, ...]:
-    """What the library needs of the processor and is not there."""
+    """Processor features that the library needs and that are missing."""
     return tuple(native.lacking())

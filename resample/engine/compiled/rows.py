@@ -11,7 +11,7 @@ from resample.engine.compiled.compiling import OPTIONS, PART
 
 types: Any = numba_types  # which has more in it than its stubs say
 WORD = ir.IntType(64)
-WITHIN = {**OPTIONS, **PART, "_nrt": False, "forceinline": True}  # as of `jit.inner_step`
+WITHIN = {**OPTIONS, **PART, "_nrt": False, "forceinline": True}  # as in `jit.inner_step`
 
 
 def _words(context: Any, builder: Any, kind: Any, row: Any) -> Iterator[Any]:

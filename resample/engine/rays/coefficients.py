@@ -40,7 +40,7 @@ class StoredCoefficients(NamedTuple):
 
 
 def bundled(flat: NDArray[Any]) -> StoredCoefficients:
-    """Put coefficients of either type into one bundle, which one kernel takes."""
+    """Put coefficients of either type into one bundle for one kernel."""
     if flat.dtype == np.uint16:
         return StoredCoefficients(flat, np.empty(0, np.float32))
     return StoredCoefficients(np.empty(0, np.uint16), flat)
@@ -73,7 +73,7 @@ def ends_at(
     coefficient: StoredCoefficients,
     strides: tuple[np.uint64, np.uint64],
     cell: tuple[np.uint64, np.uint64, np.uint64],
-    fraction: tuple[Single, Single, Single],  # noqa: ARG001  as of `sums_at`
+    fraction: tuple[Single, Single, Single],  # noqa: ARG001  as in `sums_at`
 ) -> Four:
     """Least of the eight samples around a cell, and the least of them negated, twice each."""
     corners = np.argwhere(np.ones((2, 2, 2))).astype(np.float32)
@@ -145,7 +145,7 @@ class LatticeSamples(NamedTuple):
 
 
 def values_of(given: NDArray[Any]) -> LatticeSamples:
-    """Put samples of any type into one bundle, which one kernel takes."""
+    """Put samples of any type into one bundle for one kernel."""
     arrays = {name: np.empty((0, 0, 0), name) for name in LatticeSamples._fields}
     for array in arrays.values():
         array.setflags(write=False)
@@ -164,7 +164,7 @@ class Form(NamedTuple):
 
 @kernel
 def _mirrored(n: int, count: int) -> int:
-    """Index of the sample whose mirror image is sample n."""
+    """Index of the sample that sample n mirrors."""
     period = 2 * count
     n %= period
     return n if n < count else period - 1 - n
@@ -268,7 +268,7 @@ def _store_plane(
         at = start + (j + PAD) * across
         for i in range(-PAD, width + PAD):
             n = source + _mirrored(i, width)
-            # Mix coefficients and samples by sharpness, and scale to what is stored.
+            # Mix coefficients and samples by sharpness, and scale to stored integers.
             mixed = to.sharpness * plane[n] + (np.float32(1.0) - to.sharpness) * samples[n]
             raw = (mixed - to.zero) * to.per_scale
             # Clip to 16 bits, and round.
@@ -321,7 +321,7 @@ def find_coefficients(
 
     `values`: all finite. `shape`: Z, Y and X. `to`: how coefficients are stored. `flat`: ((Z + 2
     PAD) (Y + 2 PAD) (X + 2 PAD),) filled. `cut`: (slabs,) filled: how many coefficients were
-    clipped to what can be stored.
+    clipped to the stored range.
     """
     for slab in tasks(counter, cut.size):
         cut[slab] = _filter_slab(slab, values, shape, to, flat)
@@ -439,7 +439,7 @@ def find_bounds(
 ) -> None:
     """Find the least and greatest value of a spline in each brick, in units of its coefficients.
 
-    `flat`: as of `find_coefficients`, by `bundled`. `shape`: samples along z, y and x. `bounds`:
+    `flat`: as in `find_coefficients`, by `bundled`. `shape`: samples along z, y and x. `bounds`:
     (⌈(Z + 1) / BRICK⌉, ...) filled.
     """
     planes, rows, across = bounds.least.shape
@@ -455,7 +455,7 @@ def find_bounds(
 
 
 class VisibleValues(NamedTuple):
-    """Which values of a spline are visible, by its coefficients."""
+    """Visible values of a spline, in units of its coefficients."""
 
     zero: float  # column of the coefficient 0
     scale: float  # columns
@@ -489,7 +489,7 @@ def find_visible_cells(
 ) -> None:
     """Find the cells in which a spline may be visible, as bits: x fastest, BRICK³ per brick.
 
-    `flat`, `shape`: as of `find_bounds`. `seen`: (z, y, x) bricks that may be visible. `cells`:
+    `flat`, `shape`: as in `find_bounds`. `seen`: (z, y, x) bricks that may be visible. `cells`:
     (z, y, x) zeros, filled.
     """
     planes, rows, across = seen.shape
@@ -539,7 +539,7 @@ def find_next_bricks(away: NDArray[np.uint8]) -> None:
 
 @kernel
 def number_parts(part: NDArray[np.int64]) -> int:
-    """Number what touches in cells (Z, Y, X), by corners too, from 1; count these parts.
+    """Label connected cells (Z, Y, X), also by corners, from 1; return the number of parts.
 
     `part`: -1 where cells are filled, 0 where they are empty; gets the numbers.
     """

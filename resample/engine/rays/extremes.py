@@ -1,7 +1,7 @@
-"""The greatest or the least value along a ray, past blocks whose bounds do not promise more.
+"""The greatest or least value along a ray; blocks with lower bounds are skipped.
 
 Bounds have two levels. The leaf of the greatest bound, in the block of the greatest, is sampled
-first; then all leaves whose bounds exceed what has been found (Mora and Ebert, Low-Complexity
+first; then all leaves with bounds above the result so far (Mora and Ebert, Low-Complexity
 Maximum Intensity Projection, 2005). From block to block a ray walks by its distances from their
 walls (Amanatides and Woo, A Fast Voxel Traversal Algorithm for Ray Tracing, 1987).
 """
@@ -64,7 +64,7 @@ Best = tuple[float, int]  # a signed value, and its step
 
 @inner_step
 def _walk(blocks: Blocks, way: Vector) -> Walk:
-    """Walk of a ray, which goes so many cells per step."""
+    """Walk of a ray, given its cells per step."""
     size, row, plane = float(1 << blocks.shift), blocks.across, blocks.across * blocks.down
     return Walk(
         (
@@ -89,7 +89,7 @@ def _wall(place: float, way: float, apart: float, shift: int) -> float:
 
 @inner_step
 def _stop(blocks: Blocks, walk: Walk, place: Vector, way: Vector, step: float) -> Stop:
-    """The block of a position that is reached after some steps."""
+    """The block of a position after some steps."""
     shift, apart = blocks.shift, walk.apart
     i, j, k = int(place[0]) >> shift, int(place[1]) >> shift, int(place[2]) >> shift
     return Stop(
@@ -104,7 +104,7 @@ def _stop(blocks: Blocks, walk: Walk, place: Vector, way: Vector, step: float) -
 
 @inner_step
 def _next(walk: Walk, stop: Stop) -> tuple[float, Stop]:
-    """Steps to where a ray leaves a block, and the block behind."""
+    """Steps until a ray leaves a block, and the next block."""
     (x, y, z), apart, stride = stop.wall, walk.apart, walk.stride
     if x < y and x < z:
         return x, Stop(stop.block + stride[0], (x + apart[0], y, z))
@@ -117,7 +117,7 @@ def _next(walk: Walk, stop: Stop) -> tuple[float, Stop]:
 def _promising(
     blocks: Blocks, ray: Ray, way: Vector, part: tuple[float, float]
 ) -> tuple[float, float]:
-    """Part of a part of a ray, both in steps, in the block of the greatest bound."""
+    """Segment of a part of a ray, in steps, in the block of the greatest bound."""
     walk, begin, most, found = _walk(blocks, way), part[0], -1, part
     stop = _stop(blocks, walk, place_at(ray, begin), way, begin)
     while begin < part[1]:
@@ -132,7 +132,7 @@ def _promising(
 
 @inner_step
 def _level(way: Extreme, best: float) -> float:
-    """Level that a bound exceeds if it promises more than the best value so far."""
+    """Level that a bound exceeds if it may beat the best value so far."""
     return (best - way.zero) * way.per_column + way.slack
 
 
@@ -170,7 +170,7 @@ def _sampled(way: Extreme, ray: Ray, medium: Medium, best: Best, part: tuple[flo
 def _raised(
     way: Extreme, ray: Ray, medium: Medium, best: Best, toward: Vector, part: tuple[float, float]
 ) -> Best:
-    """As `_sampled`, past leaves that do not promise more."""
+    """As `_sampled`, skipping leaves with lower bounds."""
     walk, begin = _walk(way.leaf, toward), part[0]
     stop = _stop(way.leaf, walk, place_at(ray, begin), toward, begin)
     while begin < part[1]:
@@ -210,7 +210,7 @@ def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
     else:
         leaf = _promising(way.leaf, ray, toward, _promising(way.block, ray, toward, part))
         best = _sampled(way, ray, medium, best, leaf)
-    # Then all that promise more, block by block.
+    # Then all leaves with better bounds, block by block.
     walk, begin = _walk(way.block, toward), 0.0
     stop = _stop(way.block, walk, first, toward, 0.0)
     while begin < part[1]:

@@ -45,7 +45,7 @@ THICK = 0.17  # optical depth of a piece that nothing hides, about
 FAINT = 0.02  # optical depth of steps that are not split
 MOST_PIECES = 8  # of a step
 CLOSER = 24  # iterations of the search for a surface, at most
-NEAR = 1e-4  # columns, tolerance of that search
+NEAR = 1e-4  # columns, tolerance of the search
 EVEN_BRICK = 1e-6  # columns between least and greatest value of a brick that counts as uniform
 
 # Premultiplied light, opacity, depth × opacity, nearest visible depth, length of the visible part
@@ -69,7 +69,7 @@ class Mean(NamedTuple):
 
 
 class AttenuatedMaximum(NamedTuple):
-    """The greatest value along the ray, where each is dimmed by the values in front of it."""
+    """The greatest value along the ray, each dimmed by the values in front of it."""
 
     voxel: float  # scene units
     per_column: float  # attenuation per column of the values and scene unit
@@ -109,7 +109,7 @@ def integrate(way: Any, ray: Ray, medium: Medium) -> Result:
 def put(
     way: Any, result: Result, light: Light, shine: tuple[float, float], length: float, depth: float
 ) -> Result:
-    """Composite a homogeneous piece under what has been accumulated so far."""
+    """Composite a homogeneous piece behind the accumulated color."""
     raise NotImplementedError
 
 
@@ -154,7 +154,7 @@ def _between(one: RaySample, two: RaySample, apart: float) -> float:
 
 @inner_step
 def _shows(classifier: SummedClassifier, least: float, most: float) -> bool:
-    """Whether any value between two is visible."""
+    """Whether any value between two values is visible."""
     # Prefix counts of visible columns: compare those at both ends.
     first, last = int(least), math.ceil(most)
     return bool(classifier.visible[np.uint64(last + 1)] > classifier.visible[np.uint64(first)])
@@ -164,7 +164,7 @@ def _shows(classifier: SummedClassifier, least: float, most: float) -> bool:
 def _shine_at(
     way: Composite, ray: Ray, step: float, slope: Vector, context: RayContext
 ) -> tuple[float, float]:
-    """Shade a position: the factor of its own color, and its white highlight, dimmed by depth."""
+    """Shade a position: the factor of its color, and its white highlight, dimmed by depth."""
     medium, depth, own, highlight = context.medium, depth_at(ray, step), 1.0, 0.0
     # The directions of the light differ along the ray where they depend on the position.
     if way.is_lit:
@@ -216,7 +216,7 @@ def put_step(
     middle = clamped(classifier, here.value)
     if not _shows(classifier, min(front, middle, back), max(front, middle, back)):
         return result
-    # Classify the step as one piece. Split it by what it adds to the ray, or if the field bends.
+    # Classify the step as one piece. Split it by its contribution, or if the field bends.
     at, slope = step + 0.5, _slope_of(here, medium)
     number = number_at(medium, place_at(ray, at))
     light = _light_of(way, medium, max(0, number), (front, middle, back), slope)
@@ -259,7 +259,7 @@ def put_step(
 def step_after(
     ray: Ray, step: int, here: RaySample, medium: Medium
 ) -> tuple[int, RaySample, float, float]:
-    """The next visible step, its middle, and the values at this one's back and at its front."""
+    """The next visible step, its middle, and the values at this step's back and its front."""
     ahead, back = here, here.value + 0.5 * here.rise
     following, begin = next_step(ray, step + 1, medium.bricks), back
     if following < ray.steps:
@@ -273,8 +273,8 @@ def step_after(
 
 @inner_step
 def finished(result: Result, opaque: float) -> Result:
-    """Result of a ray that was composited to its end, or to what counts as opaque."""
-    # What is behind the end of an opaque ray is taken to look like what is in front of it.
+    """Result of a ray that was composited to its end, or until opaque."""
+    # Behind the end of an opaque ray the color is assumed to go on as in front of it.
     red, green, blue, alpha, deep, first, cover, _, _ = result
     whole = 1.0
     if 1.0 - alpha <= opaque:
@@ -389,7 +389,7 @@ def _(way: AttenuatedMaximum, ray: Ray, medium: Medium) -> Result:
     rate = way.per_column * ray.thickness * ray.length
     best, at, dimming = -1.0, 0.0, 1.0
     for step in range(ray.steps):
-        # Stop where even the highest value would not exceed what was found.
+        # Stop where even the highest value would not exceed the result.
         if highest * dimming <= best:
             break
         place = place_at(ray, step + 0.5)

@@ -121,7 +121,7 @@ def ray_at(
     is_sound &= _is_within(combine(start, leave, way), space)
     if not (leave > enter and is_sound):
         return Ray(start, way, way, 0.0, 0.0, 0, 0.0, 0.0, hint)
-    # Divide what is left into even steps.
+    # Divide the rest into even steps.
     steps = max(1, math.ceil((leave - enter) * math.sqrt(dot(way, way)) / space.step))
     length = math.sqrt(dot(toward, toward))
     thickness = (leave - enter) / steps
@@ -159,7 +159,7 @@ def _exit(start: float, per_way: float, place: float, apart: int) -> float:
 
 @inner_step
 def steps_out(ray: Ray, place: Vector, apart: int) -> float:
-    """Steps at which a ray leaves all bricks less than `apart` from that of a position."""
+    """Steps at which a ray leaves all bricks less than `apart` from a position's brick."""
     start, per_way = ray.start, ray.per_way
     # Take the nearest exit of the three axes.
     leave = min(
@@ -172,7 +172,7 @@ def steps_out(ray: Ray, place: Vector, apart: int) -> float:
 
 @inner_step
 def _is_seen(bricks: BrickBounds, brick: int, place: Vector) -> bool:
-    """Whether the cell of a position is visible, in a brick that is."""
+    """Whether the cell of a position is visible, in a visible brick."""
     if bricks.cells.size == 0:
         return True
     i, j, k = int(place[0]) & LAST, int(place[1]) & LAST, int(place[2]) & LAST
@@ -182,7 +182,7 @@ def _is_seen(bricks: BrickBounds, brick: int, place: Vector) -> bool:
 
 @inner_step
 def next_step(ray: Ray, step: int, bricks: BrickBounds) -> int:
-    """First step, from this one on, whose middle is in a visible cell."""
+    """First step, from this one on, with its middle in a visible cell."""
     while step < ray.steps:
         place = place_at(ray, step + 0.5)
         brick = brick_at(bricks, place)
@@ -263,7 +263,7 @@ def _sums_at(classifier: SummedClassifier, place: float) -> Light:
 
 @inner_step
 def _apart(end: float, middle: float) -> float:
-    """A value, moved where it is too close to another for their difference to be divided by."""
+    """A value, moved if its difference to another is too small for a division."""
     if abs(end - middle) >= EVEN:
         return end
     return middle - EVEN if middle >= EVEN else middle + EVEN
@@ -343,7 +343,7 @@ class Medium(NamedTuple):
     per_voxel: float  # voxels per scene unit
     # (M, 4) clip planes of the scene, in voxels; points p with n · p + d >= 0 are kept.
     cuts: Doubles
-    known: Flags  # as of `LatticeField`
+    known: Flags  # as in `LatticeField`
     tint: Tint
     coarse: float  # columns by which a field may bend within a step that is not split
     is_from_eye: bool  # the directions of the light are the same all along a ray
@@ -440,7 +440,7 @@ def number_at(medium: Medium, place: Vector) -> int:
 @inner_step
 def tinted(medium: Medium, place: Vector, light: Light) -> Light:
     """Replace a light's color by the samples' own, if they have colors."""
-    # Without colors of their own, samples keep the look's.
+    # Samples without their own colors keep the look's.
     color = medium.tint.color
     if color.shape[0] == 0:
         return light
@@ -461,7 +461,7 @@ def tinted(medium: Medium, place: Vector, light: Light) -> Light:
 def faced(medium: Medium, place: Vector, slope: Vector) -> Vector:
     """Gradient at a position; near a clip plane, the plane's normal.
 
-    A plane that cuts uniform tissue meets noise alone, whose gradients would make the cut look
+    A plane that cuts uniform tissue meets only noise; its gradients would make the cut look
     rough (Weiskopf, Engel and Ertl, Interactive Clipping Techniques, 2003).
     """
     if len(medium.cuts) == 0:

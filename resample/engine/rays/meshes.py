@@ -1,4 +1,4 @@
-"""Intersection of rays with meshes that lie in a field, and the light of those surfaces.
+"""Intersection of rays with meshes that lie in a field, and shading of their surfaces.
 
 Boxes are in a tree without pointers: the children of box n are 2 n and 2 n + 1, and the last half
 of the boxes are leaves. A ray traverses the tree in that order, without a stack.
@@ -236,7 +236,7 @@ def cast(
     view: View,
     between: tuple[float, float],
 ) -> Result:
-    """Integrate what is on a ray through a point of the screen, px, between two depths."""
+    """Integrate meshes along a ray through a point of the screen, px, between two depths."""
     raise NotImplementedError
 
 
@@ -258,7 +258,7 @@ def integrate_with_mesh(
 ) -> Result:
     """Cast a ray through a screen point, px, through a field and the meshes in it.
 
-    `hint`: as of `Ray`.
+    `hint`: as in `Ray`.
     """
     mesh, result, after = medium.mesh, NOTHING, view.near
     # Trace from surface to surface: the field in between, then the surface.

@@ -1,4 +1,4 @@
-"""Tiles of the screen whose sub-pixels gather a field along rays."""
+"""Tiles of the screen with sub-pixels that integrate a field along rays."""
 
 import math
 from typing import Any, NamedTuple
@@ -141,7 +141,7 @@ class Output(NamedTuple):
 def _point(output: Output, home: Home, n: int, row: int, column: int) -> tuple[float, float]:
     """Screen point that the ray of a sub-pixel passes through, px.
 
-    Rays of a row are all moved right alike, and those of a column up. So what is thin and along an
+    All rays of a row are moved right alike, and rays of a column up. So a thin line along an
     axis is met by as many rays wherever it is, if the drift is the golden ratio.
     """
     # Count sub-pixels from the frame's corner.
@@ -177,7 +177,7 @@ def _cast(
 def _interpolate_if_even(
     medium: Medium, output: Output, home: Home, n: int, fine: Floats, at: tuple[int, int, int, int]
 ) -> bool:
-    """Interpolate a sub-pixel if all is even along two lines through it; return whether it was."""
+    """Interpolate a sub-pixel if it is even along two lines through it; return whether so."""
     # Silhouettes of meshes are sharp: cast a ray there.
     row, column, down, right = at
     x, y = _point(output, home, n, row, column)
@@ -194,7 +194,7 @@ def _interpolate_if_even(
 
 @inner_kernel
 def _place_in_square(apart: int, top: int, left: int, fine: Floats) -> tuple[int, int]:
-    """Sub-pixel whose ray is cast first in a square of `apart` sub-pixels, by its corner.
+    """Sub-pixel that is cast first in a square of `apart` sub-pixels, by the square's corner.
 
     As in `_point`: a line along an axis passes one in three of the squares on it, if it is half as
     wide as they are.
@@ -206,7 +206,7 @@ def _place_in_square(apart: int, top: int, left: int, fine: Floats) -> tuple[int
 
 @inner_kernel
 def _may_show(shown: Flags, row: float, column: float) -> bool:
-    """Whether anything may be visible around a place that counts squares; unless they are known."""
+    """Whether anything may be visible around a place, in squares; True if unknown."""
     if shown.size == 0:
         return True
     rows, columns = shown.shape
@@ -217,7 +217,7 @@ def _may_show(shown: Flags, row: float, column: float) -> bool:
 def _fill_even_squares(
     apart: int, shown: Flags, first: tuple[float, float], per: float, fine: Floats
 ) -> None:
-    """Copy the first ray of each square, which its corner has, to all of it if it is even.
+    """Copy the first ray of each square, at its corner, to the whole square if even.
 
     A square is even if it is as opaque as those around it, by the first ray of each. Where one of
     them is empty, but something may be visible, it may lie between the rays. Elsewhere opacity that
@@ -280,7 +280,7 @@ def _cast_rays(way: Any, medium: Medium, output: Output, home: Home, n: int, fin
             is_each = stage == GRID or is_in_squares
             start = 0 if is_each or (stage == BETWEEN and row % (2 * half) > 0) else half
             for column in range(start, columns, half if is_each else 2 * half):
-                # Leave out what is empty, and what is known already.
+                # Skip empty and known sub-pixels.
                 place = row, column
                 if stage == REST and not np.isnan(fine[row, column, ALPHA]):
                     continue
@@ -384,7 +384,7 @@ def paint_rays(
 ) -> None:
     """Paint tiles of a picture by casting rays.
 
-    `count`: tiles to paint. `fineness`: Sub-pixels per side of a pixel. `way`: what is integrated
+    `count`: tiles to paint. `fineness`: Sub-pixels per side of a pixel. `way`: the integrand
     along rays. `medium`: the field. `output`: the picture, filled.
     """
     for task in tasks(counter, count):
@@ -393,7 +393,7 @@ def paint_rays(
 
 @kernel
 def weigh_neighbours(lines: Floats, middle: float, side: float, weighed: Floats) -> None:
-    """Sum each value and both its neighbours in a line, which at ends is the value itself.
+    """Sum each value and both its neighbours in a line; ends are repeated.
 
     `lines`: (lines, places, numbers). `middle`, `side`: weights. `weighed`: result; may be `lines`.
     """

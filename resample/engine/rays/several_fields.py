@@ -47,7 +47,7 @@ EXTINCTION, FRONT, BACK = 3, 4, 5
 
 
 class March(NamedTuple):
-    """How far a field has been marched on a ray."""
+    """Progress of a field's march on a ray."""
 
     ray: Ray
     aims: Aims
@@ -68,7 +68,7 @@ STATE = rows_of([MARCH])[0].shape[1]  # words of a `March`
 
 
 class Scratch(NamedTuple):
-    """What is known of each of K fields on the ray that is cast."""
+    """State of each of K fields on the current ray."""
 
     march: Words  # (K, W) rows of `March`
     piece: Doubles  # (K, MOST_PIECES, 6) of the step that is composited
@@ -78,7 +78,7 @@ class Scratch(NamedTuple):
 
 
 class Fields(NamedTuple):
-    """K fields whose emission and absorption is composited front to back."""
+    """K fields; their emission and absorption are composited front to back."""
 
     opaque: float  # transmittance that counts as none
     media: Words  # (K, W) rows of `Medium`
@@ -87,14 +87,14 @@ class Fields(NamedTuple):
 
 
 class SeveralFields(NamedTuple):
-    """Fields, and what a thread knows of them on its ray."""
+    """Fields, and their state on a thread's ray."""
 
     fields: Fields
     scratch: Scratch
 
 
 class Recorder(NamedTuple):
-    """A field among others: its pieces are kept, to be composited with theirs."""
+    """A field among others: its pieces are stored for joint compositing."""
 
     opaque: float
     is_lit: bool
@@ -108,7 +108,7 @@ class Recorder(NamedTuple):
 def _record(
     way: Recorder, light: Light, shine: tuple[float, float], length: float, depth: float
 ) -> None:
-    """Keep a piece of the step."""
+    """Store a piece of the step."""
     piece, half = way.piece[way.pieces[0]], 0.5 * length * way.per_length
     for channel in range(3):
         piece[channel] = shine[0] * light[channel] + shine[1] * light[3]
@@ -153,7 +153,7 @@ def _enter(
 
 @inner_kernel
 def _open(way: SeveralFields, k: int, like: Medium, result: Result) -> Result:
-    """Sample a field's next visible step: its pieces, if any, and where the one after it is."""
+    """Sample a field's next visible step: its pieces, if any, and the position of the next."""
     medium, known = loaded(way.fields.media[k], like), way.scratch
     ray, aims, step, here, front = loaded(known.march[k], MARCH)
     following, ahead, back, begin = step_after(ray, step, here, medium)
@@ -175,7 +175,7 @@ def _open(way: SeveralFields, k: int, like: Medium, result: Result) -> Result:
 
 @inner_step
 def _advance(known: Scratch, k: int) -> None:
-    """Go on to a field's next piece, or to its next visible step."""
+    """Advance to a field's next piece, or to its next visible step."""
     known.at[k] += 1
     if known.at[k] < known.pieces[k]:
         known.front[k] = known.piece[k, known.at[k], FRONT]
@@ -187,7 +187,7 @@ def _advance(known: Scratch, k: int) -> None:
 
 @inner_step
 def _nearest(known: Scratch) -> float:
-    """Least depth at which a field is visible next."""
+    """Least depth of all fields' next visible steps."""
     least = math.inf
     for front in known.front:
         least = min(least, front)
@@ -268,9 +268,9 @@ def paint_several(
 ) -> None:
     """Paint tiles of a picture by casting rays through several fields.
 
-    `count`, `fineness`, `output`: as of `paint_rays`. `medium`: the first field, with the meshes.
+    `count`, `fineness`, `output`: as in `paint_rays`. `medium`: the first field, with the meshes.
     """
-    # Each thread marches rays of its own.
+    # Each thread marches its own rays.
     each = len(fields.media)
     scratch = Scratch(
         np.empty((each, STATE), np.int64),

@@ -22,7 +22,7 @@ class _Fours:
         self.builder = builder
 
     def shuffled(self, one: Any, two: Any, order: Sequence[int]) -> Any:
-        """Pick lanes of two vectors, those of the second from number 4 on."""
+        """Pick lanes of two vectors; the second's begin at number 4."""
         lanes = ir.Constant(ir.VectorType(INDEX, 4), list(order))
         return self.builder.shuffle_vector(one, two, lanes)
 
@@ -135,7 +135,7 @@ def _ends_of(fours: _Fours, kind: Any, arguments: Sequence[Any]) -> Any:
 
 
 def _function(module: Any, kind: Any, body: Callable[..., Any]) -> Any:
-    """Function of a module for coefficients of one type; made at the first call of it."""
+    """Function of a module for coefficients of one type; made at its first call."""
     name = f"spline{body.__name__}_{kind}"
     if name in module.globals:
         return module.globals[name]

@@ -1,8 +1,8 @@
-"""Composite ellipsoids on pixels whose rays go anywhere: panoramas, fisheyes, distorting lenses.
+"""Composite ellipsoids on pixels with arbitrary rays: panoramas, fisheyes, distorting lenses.
 
 Directions are shared out among the six faces of a cube around the eye. Ellipsoids are projected to
-each face as to a picture; sub-pixels lie anywhere on a face, by coordinates of their own. As the
-response is exact for every ray and the order is that of distances, faces meet without a seam.
+each face as to a picture; sub-pixels lie anywhere on a face, by explicit coordinates. As the
+response is exact for every ray and the order is by distance, faces meet without a seam.
 """
 
 from typing import NamedTuple
@@ -32,7 +32,7 @@ from resample.engine.shaped.records import BLUE, GREEN, LIMIT, PEAK, RED, X, Y, 
 from resample.types import Doubles, Floats, Indices
 
 FACES = 6
-# Planes of a canvas besides those of `canvas`: where a sub-pixel lies on the face, and the length
+# Planes of a canvas in addition to `canvas`'s: where a sub-pixel lies on the face, and the length
 # of its ray per unit of depth.
 ACROSS, DOWN, LENGTH = (np.uint64(SIZE + n * PLANE) for n in range(3))
 WIDER = SIZE + 3 * PLANE
@@ -83,7 +83,7 @@ def deal_to_boxes(
 
 @inner_kernel
 def _close(canvas: Floats, is_open: Open) -> bool:
-    """Close groups whose sub-pixels on the face are all opaque; whether one is still open."""
+    """Close groups with only opaque sub-pixels on the face; return whether one is still open."""
     any_open = False
     for row in range(SIDE):
         bits = np.uint32(0)
@@ -91,7 +91,7 @@ def _close(canvas: Floats, is_open: Open) -> bool:
             first = np.uint64(row * SIDE + group * LANES)
             for lane in range(LANES):
                 k = first + np.uint64(lane)
-                # Those on other faces have coordinates that are no numbers.
+                # Sub-pixels on other faces have NaN coordinates.
                 if canvas[k + SHARE] >= OPAQUE and canvas[k + ACROSS] == canvas[k + ACROSS]:
                     bits |= np.uint32(1) << np.uint32(group)
         is_open[row] = bits
@@ -143,7 +143,7 @@ def _composite(
                 x, y = canvas[k + ACROSS], canvas[k + DOWN]
                 dx, dy = x - record[X], y - record[Y]
                 alpha, t = response_at(opacity, line_at(record, dx, dy), dx, (x, y), own)
-                # Depths are distances; what is not on the face has none.
+                # Depths are distances; sub-pixels off the face have no depth.
                 far = t * canvas[k + LENGTH]
                 lay(canvas, k, alpha, far if alpha > np.float32(0) else np.float32(0), light)
 

@@ -2,8 +2,8 @@
 
 Members of a tile come by the least depth at which its rays may pass their centers. They wait at
 each sub-pixel, in order of the depth at which its own ray does, until no later member can be
-nearer. Where more wait than `WAITING`, the group of sub-pixels is painted again by itself, with
-room for all members. So each ray has its order exactly, up to what is behind `OPAQUE`.
+nearer. Where more than `WAITING` wait, the group of sub-pixels is painted again by itself, with
+room for all members. So each ray has its exact order, until `OPAQUE` is reached.
 """
 
 from typing import NamedTuple
@@ -62,7 +62,7 @@ SAFE = 1.0 - 1e-5  # factor of a bound of depths, for the rounding of float32
 
 
 class Waiting(NamedTuple):
-    """What waits at sub-pixels, in rings of a power of two of places each."""
+    """Queues of sub-pixels, as rings with a power of two of places each."""
 
     ring: Floats  # (2 S M,) opacities and depths, in order of the depths
     number: NDArray[np.int32]  # (S M,) of their records
@@ -83,7 +83,7 @@ def ring_scratch(subpixels: int, most: int) -> Waiting:
 
 @inner_step
 def _least_depth(record: Floats, spot: TilePlace) -> float:
-    """Bound from below of the depths at which a tile's rays pass a record's center."""
+    """Lower bound of the depths at which a tile's rays pass a record's center."""
     span = SIDE * float(spot.step)
     low, high = span_of(record, 0)
     x0, x1 = max(low, spot.left) - float(record[X]), min(high, spot.left + span) - float(record[X])
@@ -118,7 +118,7 @@ def _by_least_depth(
 def _take(
     waiting: Waiting, place: int, most: int, canvas: Floats, at: int, records: Floats
 ) -> None:
-    """Composite the nearest of what waits at a sub-pixel; `at`: its place on the canvas."""
+    """Composite the nearest queued fragment of a sub-pixel; `at`: its place on the canvas."""
     ring, number, state, front = waiting
     begin, count = state[2 * place], state[2 * place + 1] - 1
     k = place * most + begin
@@ -158,7 +158,7 @@ def _settle(
     bound: float,
     records: Floats,
 ) -> None:
-    """Composite all that waits up to a depth at consecutive sub-pixels.
+    """Composite all queued fragments up to a depth at consecutive sub-pixels.
 
     `span`: the first of them on the canvas, and their number.
     """
@@ -198,7 +198,7 @@ def _evaluate(
 def _queue(
     waiting: Waiting, places: tuple[int, int], most: int, canvas: Floats, lanes: Floats, member: int
 ) -> bool:
-    """Let a record wait at eight sub-pixels, as `lanes` say; whether there is room.
+    """Queue a record at eight sub-pixels, as `lanes` say; return whether there was room.
 
     `places`: of the first of them among the rings, and on the canvas.
     """
@@ -267,7 +267,7 @@ def _visit(
     opacity: Opacity,
     lanes: Floats,
 ) -> None:
-    """Let a record wait at the sub-pixels of a tile that it may cover, where there is room."""
+    """Queue a record at the sub-pixels of a tile that it may cover, where there is room."""
     record = records[number]
     columns = subpixels_of(record, 0, spot.left, spot.step)
     top, bottom = subpixels_of(record, 1, spot.top, spot.step)

@@ -44,12 +44,12 @@ Open = NDArray[np.uint32]  # (SIDE,) per row, a bit for each group that is not o
 
 
 class TilePlace(NamedTuple):
-    """Where a tile lies, and how fine it is."""
+    """Position and resolution of a tile."""
 
     left: float  # px
     top: float
     step: Single  # px between sub-pixels
-    near: Single  # scene units: only what is farther is painted
+    near: Single  # scene units: only farther ellipsoids are painted
 
 
 class Line(NamedTuple):
@@ -92,7 +92,7 @@ def clear(canvas: Floats, is_open: Open) -> None:
 
 @inner_kernel
 def close_groups(canvas: Floats, is_open: Open) -> bool:
-    """Close groups whose sub-pixels are all opaque; whether one is still open."""
+    """Close groups with only opaque sub-pixels; return whether one is still open."""
     any_open = False
     for row in range(SIDE):
         bits = np.uint32(0)
@@ -112,7 +112,7 @@ def close_groups(canvas: Floats, is_open: Open) -> bool:
 
 @inner_step
 def subpixels_of(record: Floats, axis: int, begin: float, step: Single) -> tuple[int, int]:
-    """First of a tile's columns or rows that a record's box holds, and one past the last."""
+    """First of a tile's columns or rows in a record's box, and one past the last."""
     per = 1.0 / float(step)
     low, high = span_of(record, axis)
     first = math.ceil(max((low - begin) * per - 0.5, 0.0))
@@ -122,7 +122,7 @@ def subpixels_of(record: Floats, axis: int, begin: float, step: Single) -> tuple
 
 @inner_step
 def line_at(record: Floats, start: Single, dy: Single) -> Line:
-    """Evaluate a record's polynomials as far as dy, px below its reference, determines them."""
+    """Evaluate the parts of a record's polynomials in dy, px below its reference."""
     one = np.float32(1)
     return Line(
         start,
@@ -173,7 +173,7 @@ def groups_of(
 def lay(
     canvas: Floats, k: np.uint64, alpha: Single, t: Single, light: tuple[Single, Single, Single]
 ) -> None:
-    """Composite light of an opacity at a depth behind what a sub-pixel holds."""
+    """Composite light of an opacity at a depth behind a sub-pixel's content."""
     zero = np.float32(0)
     share = canvas[k + SHARE]
     w = alpha * (share if share >= OPAQUE else zero)

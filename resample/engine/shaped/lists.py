@@ -1,4 +1,4 @@
-"""The painting order of ellipsoids, and which of them each tile of the screen lists."""
+"""The painting order of ellipsoids, and the lists of the screen's tiles."""
 
 from typing import NamedTuple
 
@@ -35,7 +35,7 @@ class TileLists(NamedTuple):
 
 @kernel
 def settle_records(pair: Pairs, records: Floats) -> None:
-    """Order records of equal keys by what they are, whatever order they came in.
+    """Order records of equal keys by their contents, whatever order they came in.
 
     `pair`: (N,) keys and numbers of records, ascending.
     """
@@ -73,7 +73,7 @@ def deal_records(
     position: Counts,
     member: NDArray[np.int32],
 ) -> None:
-    """Write each record to its tiles, or count those of each tile if `member` has no room.
+    """Write each record to its tiles, or count each tile's records if `member` has no room.
 
     `position` (CHUNKS, T): where the members of each chunk of the order begin; it grows by them.
     """

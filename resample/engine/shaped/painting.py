@@ -71,7 +71,7 @@ class DepthOpacity(NamedTuple):
 
 
 class CutOpacity(NamedTuple):
-    """As `DepthOpacity`, of the parts of rays that planes leave."""
+    """As `DepthOpacity`, for parts of rays between clipping planes."""
 
     partial: Floats  # (K + 1, K + 1) `partial_table`, relative to the whole through the center
     # (M, 6): rate and offset, each as a constant and per px across and down; depths are kept at
@@ -108,7 +108,7 @@ def _absorbed(depth: Single, is_linear: bool) -> Single:
 
 @lane_role
 def alpha_of(opacity: Opacity, peak: Single, square: Single, longer: Single) -> Single:
-    """Opacity at a squared distance i²; `longer`: length of the ray, as of `longer_of`."""
+    """Opacity at a squared distance i²; `longer`: length of the ray, as in `longer_of`."""
     raise NotImplementedError
 
 
@@ -172,7 +172,7 @@ def _response_at(opacity, line, dx, place, own):  # type: ignore[no-untyped-def]
 
 @lane_role
 def depths_kept(opacity: Opacity, x: Single, y: Single, near: Single) -> tuple[Single, Single]:
-    """Depths between which the ray through (x, y) px is seen."""
+    """Depths that bound the visible part of the ray through (x, y) px."""
     raise NotImplementedError
 
 
@@ -258,7 +258,7 @@ def _composite(
 
 @inner_step
 def _share_at(x: Single, wide: Single) -> Single:
-    """Share of a box that a sub-pixel takes, x sub-pixels from its center; they sum to 1."""
+    """Share of a box in a sub-pixel, x sub-pixels from its center; shares sum to 1."""
     half, own = np.float32(0.5) * wide, np.float32(0.5)
     return (min(max(x + half, -own), own) - min(max(x - half, -own), own)) / wide
 
@@ -272,7 +272,7 @@ def _lay_small(
     rows: tuple[int, int],
     opacity: Opacity,
 ) -> None:
-    """Composite a box of what is smaller than a sub-pixel on those that it meets."""
+    """Composite the box of an ellipsoid smaller than a sub-pixel on the sub-pixels it meets."""
     t, light = record[T_1], (record[RED], record[GREEN], record[BLUE])
     nearest, farthest = depths_kept(opacity, record[X], record[Y], spot.near)
     if not nearest < t < farthest:
@@ -296,7 +296,7 @@ def _lay_small(
 def _visit(
     canvas: Floats, is_open: Open, records: Floats, number: int, spot: TilePlace, opacity: Opacity
 ) -> None:
-    """Bring a record to the sub-pixels of a tile that it may cover."""
+    """Composite a record on the sub-pixels of a tile that it may cover."""
     record = records[number]
     top, bottom = subpixels_of(record, 1, spot.top, spot.step)
     if record[LIMIT] == SMALL:
@@ -332,7 +332,7 @@ def _paint_members(
     spot: TilePlace,
     opacity: Opacity,
 ) -> None:
-    """Composite the members of a tile under what its canvas holds."""
+    """Composite the members of a tile behind its canvas's content."""
     flat = records.reshape(-1)
     end = lists.start[tile + 1]
     for k in range(lists.start[tile], end):

@@ -1,4 +1,4 @@
-"""Ellipsoids on the screen: each becomes a record, whose rational form every pixel evaluates.
+"""Ellipsoids on the screen: each becomes a record with a rational form for every pixel.
 
 In the space in which an ellipsoid is the unit sphere around the origin, let u be the vector from
 the eye to its center, and w + dx a + dy d the direction of the ray through the pixel (dx, dy) px
@@ -23,7 +23,7 @@ CHUNK = 4096  # samples that a thread projects at a time
 THINNEST = 1e-9  # share of the longest half axis that others have at least
 ASIDE = 0.02  # share of a center's distance that it is ahead, at least, to be the reference
 FARTHEST = 4.0  # standard deviations to which Gaussians are painted, more than any
-BEYOND = 1e30  # px: bounds of what may fill the screen
+BEYOND = 1e30  # px: bounds of ellipsoids that may fill the screen
 
 # Columns of a record.
 X, Y = 0, 1  # px, the reference
@@ -41,13 +41,13 @@ WIDTH = 23
 LEFT, TOP, RIGHT, BOTTOM = range(WIDTH, WIDTH + 4)  # px; left > right: it is not seen
 KEY = WIDTH + 4
 WHOLE = WIDTH + 5
-# What is smaller than a sub-pixel is a box, of which each sub-pixel takes its share: its light is
-# the same wherever it lies. The peak is all of that light.
+# An ellipsoid smaller than a sub-pixel is a box; each sub-pixel takes its share: its light is
+# the same wherever it lies. The peak is all of its light.
 SMALL = -1.0  # in place of the limit
 WIDE, HIGH = N_XX, N_YY  # sub-pixels, sides of the box
 LARGEST = 0.36  # variance, sub-pixels², from which on sums over a grid are right to 0.3 %
 OWN = 1.0 - 1.0 / (12.0 * LARGEST)  # share of a variance that boxes have; sub-pixels are boxes too
-BRIGHTEST = 4.0  # sub-pixels of light; what takes more is no box
+BRIGHTEST = 4.0  # sub-pixels of light; brighter ellipsoids are no boxes
 NARROWEST = 0.05  # sub-pixels, of boxes; differences of narrower ones are inexact
 FIRST_OCTAVE, PER_OCTAVE = -10, 64  # of optical depths
 DEEPEST = 2.0**10
@@ -72,15 +72,15 @@ class ShapedOptions(NamedTuple):
     width: int  # px
     height: int
     is_peak: bool  # weights are opacities of Gaussians at their centers, not extinctions
-    is_affine: bool  # ellipses are the projection's linear part at the center (EWA)
-    by_distance: bool  # the order is that of distances from the eye
+    is_affine: bool  # ellipses follow from the projection's linear part at the center (EWA)
+    by_distance: bool  # ordered by distance from the eye
     dilation: float  # px² of a trained picture, which training has added to variances
-    trained: float  # px, focal length of that picture
-    is_compensated: bool  # opacities make up for that (Mip-Splatting, Yu et al. 2024)
+    trained: float  # px, focal length of the trained picture
+    is_compensated: bool  # opacities make up for the dilation (Mip-Splatting, Yu et al. 2024)
     faintest: float  # opacity below which Gaussians end
     nearest: float  # scene units; centers nearer to the eye are left out
     is_cut: bool = False  # planes cut kernels
-    step: float = 0.0  # px between sub-pixels that what is smaller is spread over; 0: it is not
+    step: float = 0.0  # px between sub-pixels that smaller ellipsoids spread over; 0: not spread
     variance: float = 0.0  # of the kernel along an axis, radii²
     # (K,) light that a kernel takes of its area, per optical depth of its center; of DEPTHS
     taken: Floats = np.ones(1, np.float32)
@@ -127,7 +127,7 @@ def _is_beside(
 ) -> bool:
     """Whether an ellipsoid up to i² = `limit` lies beyond an edge of the frame, through the eye.
 
-    `slope`: of that plane, along x (`axis` 0) or y (1). `sign`: −1 for the left or upper edge.
+    `slope`: of the plane, along x (`axis` 0) or y (1). `sign`: −1 for the left or upper edge.
     """
     along = center[0] if axis == 0 else center[1]
     own, mixed = (spread.xx, spread.xz) if axis == 0 else (spread.yy, spread.yz)
@@ -144,7 +144,7 @@ def _set_bounds(
     options: ShapedOptions,
     limit: float,
 ) -> None:
-    """Set the box around what the screen shows of an ellipsoid up to i² = `limit`."""
+    """Set the box around the visible part of an ellipsoid up to i² = `limit`."""
     fx, fy = view.focal[0], view.focal[1]
     cx, cy = view.principal[0], view.principal[1]
     x, y, z = center
@@ -154,7 +154,7 @@ def _set_bounds(
         record[LEFT], record[RIGHT] = middle[0] - wide, middle[0] + wide
         record[TOP], record[BOTTOM] = middle[1] - high, middle[1] + high
         return
-    # Tangents from the eye; there are none where the ellipsoid meets the eye's plane.
+    # Tangents from the eye; none if the ellipsoid meets the eye's plane.
     ahead = z * z - limit * spread.zz
     if not (z > 0.0 and ahead > 1e-9 * z * z):
         is_left = _is_beside(center, spread, limit, -cx / fx, 0, -1.0)
@@ -184,7 +184,7 @@ def _set_affine(
     options: ShapedOptions,
     limit: float,
 ) -> bool:
-    """Set the ellipse of EWA splatting (Zwicker et al. 2001); whether there is one."""
+    """Set the ellipse of EWA splatting (Zwicker et al. 2001); return whether one exists."""
     x, y, z = center
     fx, fy = view.focal[0], view.focal[1]
     # The slopes at which the projection is linearized stay near the frame, as in training.
@@ -211,7 +211,7 @@ def _set_affine(
 
 @inner_kernel
 def _set_parallel(record: Floats, center: Vector, to_unit: Matrix, view: View) -> None:
-    """Set the form of an ellipsoid that parallel rays meet."""
+    """Set the form of an ellipsoid under parallel projection."""
     fx, fy = view.focal[0], view.focal[1]
     record[X] = fx * center[0] + view.principal[0]
     record[Y] = fy * center[1] + view.principal[1]
@@ -233,7 +233,7 @@ def _set_parallel(record: Floats, center: Vector, to_unit: Matrix, view: View) -
 def _set_central(
     record: Floats, center: Vector, to_unit: Matrix, view: View, options: ShapedOptions
 ) -> None:
-    """Set the form of an ellipsoid that rays from an eye meet."""
+    """Set the form of an ellipsoid under perspective projection."""
     x, y, z = center
     fx, fy = view.focal[0], view.focal[1]
     # The reference is where the center is seen, or the middle of the frame if it is not.
@@ -278,7 +278,7 @@ def _turned(turn: Matrix, own: Matrix) -> Matrix:
 
 @inner_step
 def _facing(center: Vector, away: float) -> Matrix:
-    """Rotation (mirrored, perhaps) whose third row points to a center."""
+    """Rotation (mirrored, perhaps) with a third row that points to a center."""
     z = (center[0] / away, center[1] / away, center[2] / away)
     aside = (0.0, z[2], -z[1]) if abs(z[0]) < 0.6 else (-z[2], 0.0, z[0])
     per = 1.0 / math.sqrt(dot(aside, aside))
@@ -290,7 +290,7 @@ def _facing(center: Vector, away: float) -> Matrix:
 def _weight_of(
     weight: float, center: Vector, axes: Matrix, scale: Vector, view: View, options: ShapedOptions
 ) -> float:
-    """Weight of a Gaussian, less what its training took from it for the dilation."""
+    """Weight of a Gaussian, without its training's compensation for the dilation."""
     z = center[2]
     if not options.is_compensated or z <= 0.0:
         return weight
@@ -307,7 +307,7 @@ def _weight_of(
 
 @inner_step
 def _wider_by(z: float, view: View, options: ShapedOptions) -> float:
-    """Variance that a trained Gaussian is wider by, as it was seen wider by px²."""
+    """Variance to add to a trained Gaussian, as training dilated it by px²."""
     if options.is_affine or not options.dilation > 0.0:
         return 0.0
     per = max(z, view.near, 1e-9) / options.trained if view.perspective else 1.0 / options.trained
@@ -360,7 +360,7 @@ def _axes_of(shaped: ShapedArrays, n: int, turn: Matrix) -> Matrix:
 
 @inner_kernel
 def _spread_small(record: Floats, view: View, options: ShapedOptions) -> None:
-    """Make a box of what is smaller than a sub-pixel: its peak becomes its light."""
+    """Make a box of an ellipsoid smaller than a sub-pixel: its peak becomes its light."""
     if not record[LEFT] <= record[X] <= record[RIGHT]:  # its reference is elsewhere
         return
     # The ellipse (px²), by the inverse of its form.
@@ -400,7 +400,7 @@ def _spread_small(record: Floats, view: View, options: ShapedOptions) -> None:
 
 @inner_kernel
 def _adapt(record: Floats, chord: float, view: View, options: ShapedOptions) -> None:
-    """Make a record one of small kernels, or of those that planes cut, where it is."""
+    """Turn a record into one of a small or a cut kernel, in place."""
     if options.step > 0.0:
         _spread_small(record, view, options)
     if options.is_cut and record[LIMIT] != SMALL:
@@ -419,12 +419,12 @@ def _project_one(
     options: ShapedOptions,
     record: Floats,
 ) -> None:
-    """Project an ellipsoid; records with left > right are not seen.
+    """Project an ellipsoid; records with left > right are culled.
 
     `alike`: axes of all, if they are.
     """
     record[LEFT], record[RIGHT] = 1.0, -1.0
-    # Skip what is too faint, or lies behind the near plane whatever its rotation.
+    # Skip ellipsoids that are too faint, or behind the near plane whatever their rotation.
     weight = float(shaped.weight[n])
     faintest = options.faintest if options.is_peak else 0.0
     if not weight > faintest:
@@ -487,7 +487,7 @@ def _project_one(
 
 @inner_step
 def _rounded_up(extent: float) -> np.uint32:
-    """Bits of a float32 that is no less than a number, of which the lower 16 are 0."""
+    """Bits of a float32 no less than a number, with the lower 16 bits 0."""
     bits = np.float32(extent).view(np.uint32)
     return np.uint32((bits + UNIT if extent >= 0.0 else bits) & UPPER)
 
@@ -500,7 +500,7 @@ def _packed(before: float, after: float) -> Single:
 
 @inner_step
 def span_of(record: Floats, axis: int) -> tuple[float, float]:
-    """Where the box of a record begins and ends along x (`axis` 0) or y (1), px."""
+    """Start and end of a record's box along x (`axis` 0) or y (1), px."""
     middle, bits = float(record[X + axis]), np.float32(record[BOX_X + axis]).view(np.uint32)
     before = np.uint32(bits & UPPER).view(np.float32)
     after = np.uint32(bits << np.uint32(16)).view(np.float32)

@@ -1,1 +1,1 @@
-"""Pixels that gather: each takes the mean of an interpolated grid over what it covers."""
+"""Pixels that gather: each takes the mean of an interpolated grid over its footprint."""

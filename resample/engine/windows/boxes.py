@@ -1,6 +1,6 @@
 """Means of an interpolated grid over axis-aligned boxes, as weighted sums of samples in windows.
 
-The mean over a box of what a separable kernel k interpolates is a sum over samples whose weights
+The mean over a box of a separable kernel k's interpolation is a sum over samples. Weights
 are, along each axis, (K(b − n) − K(a − n)) / (b − a), with K the integral of k and a to b the side
 of the box. K is tabulated and interpolated linearly; a window is a few dozen products.
 """
@@ -18,7 +18,7 @@ TRANSPARENT, CLAMP, WRAP, MIRROR = range(4)
 
 @inner_kernel
 def mapped(index: int, size: int, edge: int) -> int:
-    """Index of the sample that stands for an index beyond the grid's edges."""
+    """Index of the sample that continues the grid at an index beyond its edges."""
     if 0 <= index < size:
         return index
     if edge == CLAMP:
@@ -78,7 +78,7 @@ class PointTaps(NamedTuple):
 
 
 class Plate(NamedTuple):
-    """A part of a source for kernels: coefficients, and what continues them at edges."""
+    """A part of a source for kernels: coefficients, and their continuation at edges."""
 
     flat: Floats  # rows × columns × channels, and `SPARE` more
     left: float  # source coordinates of its first corner
@@ -86,7 +86,7 @@ class Plate(NamedTuple):
     rows: int
     columns: int
     channels: int
-    # Of a plate of which only a rectangle is in memory:
+    # Of a plate with only a rectangle in memory:
     stride: int  # columns in memory
     before: int  # numbers missing before the first one, if all rows had that many columns
 
@@ -215,7 +215,7 @@ def weights(
 
 @inner_step
 def low_end(integral: Integral, middle: float, extent: float, size: int) -> float:
-    """Low end of a side on a grid with `size` samples, as tables have it; its window is kept on it.
+    """Low end of a side on a grid of `size` samples, in table units; its window stays on it.
 
     Constants come first, as min and max with NaN return their first argument.
     """
@@ -437,7 +437,7 @@ def put_mean_of_few(
     plate: Plate, integral: Integral, across: WindowSide, down: WindowSide, is_fewer: bool,
     scratch: Floats, total: Floats,
 ) -> None:  # fmt: skip
-    """Put the mean over a box whose window has at most `FEW` samples along both axes.
+    """Put the mean over a box with a window of at most `FEW` samples along both axes.
 
     The plate has one number for each sample, or four. `is_fewer`: there are at most `FEWER`.
     """

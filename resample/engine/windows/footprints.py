@@ -1,7 +1,7 @@
-"""Footprints of pixels in a grid, and the boxes that stand for them.
+"""Footprints of pixels in a grid, and the boxes that approximate them.
 
 A pixel covers about a parallelogram of the grid. A box with the same second moments has the same
-mean of what varies slowly, up to fourth order; a pixel in which the grid varies too much for that
+mean of smooth samples, up to fourth order; a pixel in which the grid varies too much for that
 is split into parts. A parallelogram along the grid's axes is such a box itself.
 
 Where a pixel lies is up to the application, which plays the role `footprint_at`.
@@ -116,14 +116,14 @@ def reach(polygon: Doubles, count: int) -> float:
     return right - left + bottom - top
 
 
-PixelGeometry = Any  # a bundle of the application's, whose class selects where pixels lie
+PixelGeometry = Any  # a bundle of the application; its class selects where pixels lie
 
 LEAN = 0.1  # samples², 12 times a part's mixed moment, from which on two boxes stand for it
 LEANEST = 0.5  # samples², mixed moment of one side of a part, at most
 MOST_PARTS = 64.0  # of a pixel along an axis
 LIMITED = 2.0  # samples along u and v up to which the limits at one position hold for a pixel
 NEARLY = 1e-6  # samples, or share of a pixel, that count as nothing
-OWN = 1.001  # samples², a sample's own extent along an axis, and what maps in float32 round
+OWN = 1.001  # samples², a sample's own extent along an axis, and rounding of maps in float32
 
 
 class PixelFootprint(NamedTuple):
@@ -140,7 +140,7 @@ class GridView(NamedTuple):
 
     plate: Plate
     integral: Integral
-    points: PointTaps  # its weights at points; none: pixels are averaged over all that they cover
+    points: PointTaps  # its weights at points; none: pixels are averaged over their footprints
     size: tuple[int, int]  # (height, width) of the source; the grid is a part of it, with margins
     edge: int
     margin: float  # samples around the source into which positions are folded; inf: they are not
@@ -199,7 +199,7 @@ def nth_part(footprint: PixelFootprint, counts: tuple[int, int], n: int) -> Pixe
 
 @inner_kernel
 def shrunk(footprint: PixelFootprint, own: float) -> PixelFootprint:
-    """By how much a footprint is larger than a sample: their second moments' difference.
+    """Excess of a footprint over a sample: their second moments' difference.
 
     A sample is already a mean over its own extent, which interpolation may widen, so only what a
     pixel covers beyond that is to be averaged: nothing where samples keep their size or grow.
@@ -225,7 +225,7 @@ def shrunk(footprint: PixelFootprint, own: float) -> PixelFootprint:
 
 @inner_step
 def averaged(view: GridView, footprint: PixelFootprint) -> PixelFootprint:
-    """What a pixel is averaged over: its footprint, or what of it is larger than a sample."""
+    """Area that a pixel averages: its footprint, or its excess over a sample."""
     return footprint if view.points.taps == 0 else shrunk(footprint, view.points.own)
 
 
@@ -274,7 +274,7 @@ class RowScratch(NamedTuple):
 @kernel
 def row_scratch() -> RowScratch:
     """Allocate scratch for a few rows of pixels."""
-    # All pixels are worked out, also those of rows that are shorter: none is uninitialized.
+    # All pixels are computed, also in shorter rows: none is uninitialized.
     whole, share = np.zeros(17 * MOST, np.int32), np.zeros(16 * MOST, np.float32)
     return RowScratch(np.zeros(9 * MOST), whole, share)
 
@@ -284,7 +284,7 @@ def measure_rows(
     geometry: PixelGeometry, view: GridView, rows: tuple[int, int], first: int, count: int,
     is_apart: bool, pixels: RowScratch,
 ) -> None:  # fmt: skip
-    """Measure the pixels of rows from a column on, and find the boxes that stand for them.
+    """Measure the pixels of rows from a column on, and find the boxes that approximate them.
 
     `rows`: first row, and last + 1; at most `ROWS`. `is_apart`: the tile has no limits in common;
     then there are none.
@@ -344,7 +344,7 @@ def _put_footprints(
 
 @inner_step
 def _part_in_two(pixels: RowScratch) -> None:
-    """Let two boxes carry the mixed moment by their distance; the rest stays in their sides."""
+    """Represent the mixed moment by two boxes' distance; the rest stays in their sides."""
     shape, whole = pixels.shape, pixels.whole
     for n in range(MOST):
         k = np.uint64(n)
@@ -364,10 +364,10 @@ def _put_sides(
     integral: Integral, which: tuple[int, int], extent: tuple[float, int, float],
     most: float, is_open: bool, pixels: RowScratch,
 ) -> None:  # fmt: skip
-    """Put windows along an axis; where they are large, or an edge crosses a pixel, has it no boxes.
+    """Put windows along an axis; pixels with large windows, or crossed by an edge, get no boxes.
 
     `which`: box, 0 or 1, and axis, 0 or `DOWN`. `extent`: first sample of the plate, its samples,
-    and those of the source. `most`: half the extent of a pixel, at most. `is_open`: whether the
+    and the source. `most`: half the extent of a pixel, at most. `is_open`: whether the
     source is continued beyond its edges.
     """
     shape, whole, share = pixels
@@ -398,7 +398,7 @@ def _put_sides(
         whole[k + two] = row_high * stride + np.int32(ONES) - apart
         share[k], share[k + one] = f - np.float32(row_low), g - np.float32(row_high)
         share[k + two] = np.float32(1) / side
-        # What is not a number is within nothing.
+        # NaN is outside of everything.
         inner = reach - NEARLY
         is_within = (place >= inner) & (place + inner <= end)
         is_within |= is_open & (abs(place) <= math.inf)
@@ -410,7 +410,7 @@ def _put_sides(
 
 @inner_step
 def boxes_of(pixels: RowScratch, n: int) -> int:
-    """How many boxes that read at most `FEW` samples along both axes stand for the nth pixel.
+    """Number of the nth pixel's boxes, which read at most `FEW` samples along both axes.
 
     0: it needs more.
     """

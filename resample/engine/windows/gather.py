@@ -156,7 +156,7 @@ def _mean_within(view: GridView, footprint: PixelFootprint, scratch: PixelScratc
     if share <= 0.0:
         return 0.0
     height, width = float(view.size[0]), float(view.size[1])
-    # Split finely, and add the parts whose centers lie on the source.
+    # Split finely, and add the parts with centers on the source.
     footprint = averaged(view, footprint)
     counts, inside = parts_of(footprint, view.finest), 0
     counts = max(counts[0], AT_EDGES), max(counts[1], AT_EDGES)
@@ -228,7 +228,7 @@ def _straighten(
     marks: int,
     scratch: PixelScratch,
 ) -> None:
-    """Keep a pixel beside straight edges near the means across them alone.
+    """Keep a pixel beside straight edges near the means across these edges.
 
     Along an edge the samples themselves are interpolated: the grid's means over each of them.
     """
@@ -269,7 +269,7 @@ def _straighten(
 def _keep_positive(view: GridView, footprint: PixelFootprint, total: Floats) -> None:
     """Keep a mean of samples at or above zero where none of them is below.
 
-    For pixels too large for limits: what is left of ringing is small beside what rings, but not
+    For pixels too large for limits: the rest of the ringing is small beside its cause, but not
     beside black.
     """
     flat, left, top, rows, columns, channels, there, before = view.limits.plain
@@ -426,7 +426,7 @@ def gather_tiles(
 ) -> None:
     """Fill tiles (T, 4) of an image; for an application's packed kernel.
 
-    `bounds`: (T, 4) bounds of what tiles cover, see `Extent`. `wanted`: (height, width) of pixels
+    `bounds`: (T, 4) of the tiles' footprints, see `Extent`. `wanted`: (height, width) of pixels
     that are filled, or empty: all. `image`: (height, width, C), filled, premultiplied by coverage;
     of as many channels as the plate, or less. `covered`: (height, width) coverage, filled.
     """
@@ -443,7 +443,7 @@ def gather_tiles(
 
 
 class Extent(NamedTuple):
-    """What tiles cover in the source, and what that costs."""
+    """Area of tiles in the source, and its cost."""
 
     bounds: Doubles  # (T, 4) left, top, right and bottom in source coordinates; left > right: none
     # (T,) boxes of the costliest pixel, weighted by the samples that each gathers; less a quarter
@@ -487,7 +487,7 @@ def measure_tiles(
     view: GridView,
     extent: Extent,
 ) -> None:
-    """Measure what tiles cover, by pixels `step` apart; for an application's parallel kernel.
+    """Measure tiles' footprints, by pixels `step` apart; for an application's parallel kernel.
 
     A tile with pixels that have no position counts as endless work, unless all its pixels are
     measured (`step` 1): then work is not computed.

@@ -17,11 +17,11 @@ from resample.engine.jit import inner_kernel, inner_step, kernel
 from resample.engine.windows.boxes import Place, Plate, Whole
 from resample.types import Doubles, Floats, Single
 
-TOLERANCE = 2.0  # multiple of what samples vary by along an edge that pixels may differ by
+TOLERANCE = 2.0  # of the samples' variation along an edge: allowed excess of pixels
 STRAIGHT = 1.0 / 128.0  # share of the limits' width that they may vary by before that fades
 FADE = 256.0  # how fast
-CHANNELS = 4  # that have marks of their own; others share these
-ALONG_Y = CHANNELS  # bits from the mark of an edge along x to that of one along y
+CHANNELS = 4  # with their own marks; others share these
+ALONG_Y = CHANNELS  # bits from the mark of an edge along x to the mark along y
 
 Marks = NDArray[np.uint8]  # of cells: a bit for each axis and channel
 Corner = Any  # (column, row) among corners
@@ -29,7 +29,7 @@ Corner = Any  # (column, row) among corners
 
 @inner_step
 def slack(varies: Single, low: Single, high: Single, faint: Single) -> Single:
-    """How much less tolerance than limits a corner leaves; 0 or below: it is on no straight edge.
+    """Limits minus tolerance at a corner; 0 or below: not on a straight edge.
 
     Linear but for faint edges, so that between corners without slack there is none.
     """
@@ -41,9 +41,9 @@ def slack(varies: Single, low: Single, high: Single, faint: Single) -> Single:
 
 @inner_step
 def tolerance_of(varies: Single, low: Single, high: Single, faint: Single) -> Single:
-    """Tolerance around what samples across an edge make, by how much they vary along it.
+    """Tolerance around the mean across an edge, by the samples' variation along it.
 
-    Edges of a height of `faint` are left alone, those of twice that are not.
+    Edges up to the height `faint` are not limited, edges of twice that are.
     """
     height, zero = high - low, np.float32(0)
     beyond = max(varies - np.float32(STRAIGHT) * height, zero)
@@ -53,13 +53,13 @@ def tolerance_of(varies: Single, low: Single, high: Single, faint: Single) -> Si
 
 @inner_step
 def towards(value: Single, straight: Single, tolerance: Single) -> Single:
-    """What brings a value to within some tolerance around another."""
+    """Change that brings a value to within a tolerance around another."""
     return min(max(value, straight - tolerance), straight + tolerance) - value
 
 
 @inner_step
 def both(one: Single, other: Single) -> Single:
-    """Two changes at once; of two in one direction, the larger."""
+    """Combination of two changes; of two in one direction, the larger."""
     zero = np.float32(0)
     return max(one, other, zero) + min(one, other, zero)
 
@@ -73,7 +73,7 @@ def _step(flat: Floats, at: Place, along: Place, across: Place) -> Single:
 
 @inner_step
 def _varies(flat: Floats, at: Place, along: Place, across: Place) -> Single:
-    """How much samples around a corner vary along an axis, on the side where it is less.
+    """Variation of samples around a corner along an axis, on the side where it is smaller.
 
     Samples on one side suffice, as edges end.
     """
@@ -84,7 +84,7 @@ def _varies(flat: Floats, at: Place, along: Place, across: Place) -> Single:
 @inner_step
 def varies_between(flat: Floats, at: Place, steps: tuple[Place, Place], is_along_x: bool,
                    x: Single, y: Single) -> Single:  # fmt: skip
-    """How much samples vary along an axis, between four corners of which `at` is the first."""
+    """Variation of samples along an axis, between four corners; `at` is the first."""
     along, across = (steps[0], steps[1]) if is_along_x else (steps[1], steps[0])
     below = at + steps[1]
     left, right = (_varies(flat, at, along, across), _varies(flat, at + steps[0], along, across))
@@ -98,7 +98,7 @@ def varies_between(flat: Floats, at: Place, steps: tuple[Place, Place], is_along
 
 @inner_step
 def mark_of(channel: int, is_along_x: bool) -> int:
-    """Mark of a channel that an edge along an axis has."""
+    """Mark of a channel's edge along an axis."""
     return 1 << ((channel & (CHANNELS - 1)) + (0 if is_along_x else ALONG_Y))
 
 
@@ -160,11 +160,11 @@ MARGIN = 3  # samples around a corner that its limits depend on
 
 
 class Limits(NamedTuple):
-    """The grid that limits, and how far values may exceed it."""
+    """The limiting grid, and how far values may exceed it."""
 
     plain: Plate  # samples themselves, not coefficients
-    excess: float  # share of what a sample stands out that is added; below 0: no limits
-    own: float = 0.0  # extent of a sample along an axis of which it is the mean; 0: a point
+    excess: float  # share of a sample's excess over its neighbours to add; below 0: no limits
+    own: float = 0.0  # extent along an axis that a sample is the mean of; 0: a point
     faint: float = 0.0  # height of edges along which rings are not visible
 
 
@@ -190,7 +190,7 @@ class Corners(NamedTuple):
 
 @inner_step
 def _above(flat: Floats, at: Place, step: Place, sign: Single) -> Single:
-    """How far a sample is above both neighbours along an axis; below them if the sign is −1."""
+    """Excess of a sample over both neighbours along an axis; below them if the sign is −1."""
     # The ground is as rough as the smaller of the steps beyond the neighbours.
     middle, before, after = flat[at], flat[at - step], flat[at + step]
     ground = min(abs(before - flat[at - step - step]), abs(after - flat[at + step + step]))
@@ -200,7 +200,7 @@ def _above(flat: Floats, at: Place, step: Place, sign: Single) -> Single:
 @inner_step
 def _stand_out(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, first: int,
                corners: Corners) -> None:  # fmt: skip
-    """How far samples of a row stand out from their neighbours along either axis."""
+    """Excess of a row's samples over their neighbours along either axis."""
     zero, up, down = np.float32(0), np.float32(1), np.float32(-1)
     for n in range(count):
         k, m = at + np.uint64(n), np.uint64(first) + np.uint64(n)
@@ -214,7 +214,7 @@ def _stand_out(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, 
 @inner_step
 def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, share: Single,
            faint: Single, first: int, corners: Corners) -> bool:  # fmt: skip
-    """Limits at a row of corners; each corner is at the upper left of the sample it is named by.
+    """Limits at a row of corners; each corner is at the upper left of its sample.
 
     Returns whether any corner may be on a straight edge.
     """
@@ -227,7 +227,7 @@ def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, shar
         k, m = at + np.uint64(n), np.uint64(n) + across
         a, b = flat[k - down - across], flat[k - down]
         c, d = flat[k - across], flat[k]
-        # Widen their range by what the four stand out on average.
+        # Widen their range by the mean excess of the four.
         least, most = min(a, b, c, d), max(a, b, c, d)
         if share > np.float32(0):
             over = above[m - across] + above[m] + above[other + m - across] + above[other + m]
@@ -244,7 +244,7 @@ def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, shar
 
 @inner_step
 def _clear(marks: Marks, count: int) -> None:
-    """Take all marks away."""
+    """Clear all marks."""
     for n in range(count):
         marks[n] = 0
 
@@ -264,7 +264,7 @@ def fill_corners(limits: Limits, part: Part, corners: Corners) -> bool:
     has_edges = False
     is_cleared = False
     bounds = corners.low, corners.high, corners.bound
-    # Keep two rows of what samples stand out by, and bound the corners between them.
+    # Keep two rows of the samples' excess, and bound the corners between them.
     for row in range(high + 1):
         at = np.uint64(((top - 1 + row) * columns + left) * channels - before)
         first = (row & 1) * half
@@ -285,7 +285,7 @@ def fill_corners(limits: Limits, part: Part, corners: Corners) -> bool:
 
 @inner_kernel
 def part_of(limits: Limits, bounds: Doubles) -> Part:
-    """Corners around what a tile covers; none if they are too many.
+    """Corners around a tile's footprint; empty if too many.
 
     `bounds`: left, top, right and bottom in source coordinates.
     """
@@ -325,7 +325,7 @@ def _between(values: Floats, at: Place, steps: tuple[Place, Place], x: Single, y
 def _four_between(
     values: Floats, at: Place, steps: tuple[Place, Place], x: Single, y: Single
 ) -> tuple[Single, Single, Single, Single]:
-    """Interpolate four numbers bilinearly between corners; those beyond a corner's are nothing."""
+    """Interpolate four numbers bilinearly between corners; further ones are undefined."""
     one = np.uint64(1)
     return (
         _between(values, at, steps, x, y),
@@ -376,7 +376,7 @@ def tolerances(
     is_along_x: bool,
     found: Floats,
 ) -> bool:
-    """Tolerances of a pixel's channels around what samples across an edge make.
+    """Tolerances of a pixel's channels around the mean across an edge.
 
     `at`: position (u, v) in coordinates of the plain grid. `is_along_x`: whether the edge is along
     x. `found`: tolerances of the channels, filled; infinite where limits leave less. Returns

@@ -1,4 +1,4 @@
-"""Pixels whose sides run along a grid's axes: weighted sums down, then across.
+"""Pixels with sides along a grid's axes: weighted sums down, then across.
 
 A mean over such a pixel is separable, so each axis is summed once: first down the columns of the
 grid that a tile of pixels reads, then, transposed, across them. Loops run along numbers that lie
@@ -31,7 +31,7 @@ Integers = NDArray[np.int64]
 
 BAND = 32  # rows that a thread filters at a time
 BLOCK = 960  # numbers of a row that are summed at a time: whole samples of up to four, and lanes
-LANES = 64  # numbers of which loops over lanes leave no rest
+LANES = 64  # numbers that loops over lanes divide evenly
 
 
 @inner_kernel
@@ -156,7 +156,7 @@ def filter_plate(
     """Filter a plate along both axes.
 
     `flat`: rows × columns × channels, given by `shape`. `filters`: K taps across and L down.
-    `lanes`: numbers of a sample in the result: its channels, or four of which the last are zeros.
+    `lanes`: numbers of a sample in the result: its channels, or four with zeros at the end.
     `result`: as `flat`, filled, with L // 2 rows and K // 2 columns less on each side; it may be
     longer.
     """
@@ -189,7 +189,7 @@ class TileSizes(NamedTuple):
 
 
 class SeparableGrid(NamedTuple):
-    """A grid, and what pixels read of it along both axes."""
+    """A grid, and the part that pixels read along both axes."""
 
     flat: Floats  # rows × columns × channels
     columns: int
@@ -209,7 +209,7 @@ class TileScratch(NamedTuple):
     lines: Floats  # rows of the grid, weighted down
     turned: Floats  # the same, transposed
     total: Floats  # columns × channels × ROWS
-    low: Floats  # limits of those
+    low: Floats  # limits of the totals
     high: Floats
     corners: Corners
 
@@ -263,7 +263,7 @@ def _sum(
 def _sum_sections(
     total: Floats, to: int, source: Floats, places: tuple[int, int], taps: AxisTaps, pixel: int
 ) -> None:
-    """Sum the columns that a pixel reads, in sections, so that errors of rounding do not add up."""
+    """Sum the columns that a pixel reads, in sections, to limit rounding errors."""
     at, step = places
     first = pixel * taps.taps
     last, middle = first + taps.taps, min(first + SECTION, first + taps.taps)
@@ -291,7 +291,7 @@ def _read_by(taps: AxisTaps, first: int, last: int) -> tuple[int, int]:
 
 @inner_kernel
 def _transpose(lines: Floats, width: int, height: int, turned: Floats) -> None:
-    """Transpose rows of a width into columns of ROWS numbers, of which `height` are set."""
+    """Transpose rows of a width into columns of ROWS numbers; `height` of them are set."""
     step, to = np.uint64(width), np.uint64(0)
     for k in range(width):
         at = np.uint64(k)
@@ -361,7 +361,7 @@ def _weighed(flat: Floats, form: tuple[int, int, int], down: AxisTaps, across: A
 @inner_step
 def _straighten_pixel(grid: SeparableGrid, pixel: tuple[int, int], to: int, marks: int,
                       scratch: TileScratch) -> None:  # fmt: skip
-    """Keep a pixel (row, column) near what samples across straight edges make."""
+    """Keep a pixel (row, column) near the means across straight edges."""
     row, x = pixel
     across, down, plain, channels = (
         grid.limits_across, grid.limits_down, grid.limits.plain, grid.channels

@@ -1,4 +1,4 @@
-"""What files say of their colors, and colors of ICC profiles of a matrix and curves in sRGB.
+"""Color metadata of files, and conversion of matrix/TRC profiles to sRGB.
 
 In PNG, cICP comes before iCCP, and that before sRGB, and that before gAMA and cHRM (PNG, third
 edition, section 4.3).
@@ -30,11 +30,11 @@ WITHIN = 0.002  # most by which such numbers differ
 USUAL_GAMMA = 40_000, 50_000  # 1 / 2.2 is 45,455 in a PNG file
 LINEAR_GAMMA = 95_000, 105_000
 NEAR = 3  # levels by which a profile of sRGB differs from another
-FLOATS = (".tif", ".tiff")  # whose floats may be anything
+FLOATS = (".tif", ".tiff")  # floats of any meaning
 CHRM = 8 + 32 + 4  # bytes of a chunk
 SPACES = ("tiff:ColorSpace", "jpeg:ColorSpace")
 SQUARE = 0.01  # by which square pixels are wider than high
-HEADER, ENTRY = 128, 12  # bytes of a profile before its table of tags, and of an entry of that
+HEADER, ENTRY = 128, 12  # bytes of a profile before its table of tags, and of an entry
 FIXED = 65_536.0  # ICC's numbers are 16.16
 NUMBERS = 1, 3, 4, 5, 7  # of parametric curves, by type
 
@@ -42,7 +42,7 @@ Curve = Callable[[Any], Any]
 
 
 def is_encoded(path: Path, spec: Any) -> bool:
-    """Whether integers are encoded for displays; without a word 8 bits are, and 16 are light."""
+    """Whether integers are encoded for displays; by default 8 bits are, and 16 are light."""
     coded = spec.getattribute("CICP")
     if coded is not None or spec.getattribute("ICCProfile") is not None:
         return coded is None or int(coded[1]) != LINEAR
@@ -54,7 +54,7 @@ def is_encoded(path: Path, spec: Any) -> bool:
 
 
 def colors_of(path: Path, spec: Any) -> str:
-    """What a file says of its colors, in words; empty for sRGB and Rec. 709, or if nothing."""
+    """Description of a file's color metadata; empty for sRGB and Rec. 709, or if missing."""
     coded, profile = spec.getattribute("CICP"), spec.getattribute("ICCProfile")
     if coded is not None:
         return coded_colors(coded)
@@ -81,12 +81,12 @@ def coded_colors(numbers: Iterable[int]) -> str:
 
 
 def marks_of(path: Path) -> bytes:
-    """A PNG file's chunks that say what its colors are, besides the profile."""
+    """A PNG file's chunks about colors, besides the profile."""
     return b"".join(found for name, found in _chunks_of(path).items() if name in MARKS)
 
 
 def assumed_of(path: Path, spec: Any) -> str:
-    """What is assumed of a picture's values where its file says nothing."""
+    """Assumption about a picture's values where its file says nothing."""
     space = spec.get_string_attribute("oiio:ColorSpace").lower()
     is_said = "lin" in space or is_encoded(path, spec)
     if spec.format == "uint16" and not is_said:
@@ -96,14 +96,14 @@ def assumed_of(path: Path, spec: Any) -> str:
 
 
 def oddities_of(spec: Any) -> Iterator[str]:
-    """What is not obeyed wherever a picture's pixels are read."""
+    """Color metadata that no reader obeys."""
     if "CMYK" in {spec.get_string_attribute(name) for name in SPACES}:
         yield "CMYK becomes RGB by a formula, not by a color profile"
     yield from stretched(spec.get_float_attribute("PixelAspectRatio", 1.0))
 
 
 def stretched(ratio: float) -> Iterator[str]:
-    """What to say of pixels by the ratio of their width and height; nothing if square."""
+    """Note on pixels, by the ratio of their width and height; empty if square."""
     if ratio > 0 and abs(ratio - 1.0) > SQUARE:
         yield f"pixels are {ratio:.4g} times as wide as high; they are taken for square"
 
@@ -118,7 +118,7 @@ def _chunks_of(path: Path) -> dict[bytes, bytes]:
 
 @lru_cache(8)
 def is_srgb(profile: bytes) -> bool:
-    """Whether colors of a profile are seen as those of sRGB are."""
+    """Whether a profile's colors look as in sRGB."""
     from PIL import Image, ImageCms
 
     mode = {b"GRAY": "L", b"RGB ": "RGB"}.get(profile[16:20], "")
@@ -137,7 +137,7 @@ def is_srgb(profile: bytes) -> bool:
 
 
 def converted(color: Floats, profile: bytes) -> Floats:
-    """Convert straight light (..., C), decoded as sRGB is, to that of sRGB.
+    """Convert straight light (..., C), decoded by sRGB's curve, to sRGB primaries.
 
     Colors beyond sRGB become negative, or larger than 1.
 
@@ -164,7 +164,7 @@ def profile_colors(profile: bytes) -> tuple[tuple[Curve, ...], Doubles]:
     wanted = [bytes([name]) + b"TRC" for name in names]
     wanted += [bytes([name]) + b"XYZ" for name in names if name != ord("k")]
     if not wanted or not tags.keys() >= set(wanted):
-        raise ValueError("its profile is no matrix with curves; convert it where it was made")
+        raise ValueError("its profile is not of the type matrix/TRC; convert it to sRGB")
     curves = tuple(_curve(tags[name]) for name in wanted if name.endswith(b"TRC"))
     columns = [_fixed(tags[name][8:20]) for name in wanted if name.endswith(b"XYZ")]
     return curves, np.stack(columns, axis=1) if columns else np.eye(1)

@@ -69,7 +69,7 @@ class FileMetadata(NamedTuple):
     profile: bytes = b""  # ICC profile of the encoded values
     colors: str = ""  # what the file says of its colors, in words; empty for sRGB, or if nothing
     marks: bytes = b""  # PNG's chunks that say so
-    assumed: str = ""  # what is assumed of colors where the file says nothing
+    assumed: str = ""  # assumption about colors where the file says nothing
     geo: Geo | None = None
     spoken: tuple[tuple[str, Any, Any], ...] = ()  # name, type and value in OpenImageIO
     number: str = ""  # integer type of numbers as stored; empty for light or floats
@@ -83,7 +83,7 @@ def page_tags(path: Path) -> list[Directory]:
 
 
 def about_file(path: Path, spec: Any, tags: Directory) -> FileMetadata:
-    """Read a file's metadata; `tags` are those of its page, for a TIFF file."""
+    """Read a file's metadata; `tags` belong to its page, for a TIFF file."""
     camera = tags or block_tags(_exif_block(path), CAMERA, NESTED)
     profile = spec.getattribute("ICCProfile")
     spoken = []
@@ -145,7 +145,7 @@ def turn(orientation: int, shape: tuple[int, int]) -> Doubles:
 
 
 def describe(spec: Any, about: FileMetadata, suffix: str) -> None:
-    """Pass metadata that OpenImageIO can write."""
+    """Set metadata that OpenImageIO can write."""
     if suffix == ".exr" or not about.camera:
         shape = spec.height, spec.width, spec.nchannels
         for name, kind, told in about.spoken:
@@ -216,7 +216,7 @@ def _upright_tags(about: FileMetadata, shape: tuple[int, ...]) -> Directory:
 
 
 def _sized(tags: Directory, shape: tuple[int, ...]) -> Directory:
-    """Tags with the size of a picture (height, width, ...), none of another."""
+    """Tags with the size of a picture (height, width, ...), without other sizes."""
     words = text(tags.get(DESCRIPTION))
     true = described(words, shape)
     if true != words:

@@ -127,7 +127,7 @@ class CloudOptions(Choices):
     threads: Threads = None
 
     def check(self, output: Path, height: int) -> None:
-        """Refuse invalid options before any work is done."""
+        """Reject invalid options before any work is done."""
         from resample import registry
         from resample.colors import check_colormap
         from resample_points.data.columns import box_of
@@ -153,7 +153,7 @@ class CloudOptions(Choices):
         return [wanted_of(text) for text in self.only]
 
     def style(self) -> Any:
-        """Return the style that `render_cloud` takes."""
+        """Return the style for `render_cloud`."""
         from resample_points.painting.rendering import CloudStyle, Shading
 
         lights = {None: None, "none": Shading.NONE, "eye": Shading.HEADLIGHT}
@@ -200,7 +200,7 @@ class CloudAim(CloudStart):
     ] = None
 
     def check(self) -> None:
-        """Refuse invalid cameras before any work is done."""
+        """Reject invalid cameras before any work is done."""
         self.start()
         panorama_of(self.panorama)
         if self.panorama is None:

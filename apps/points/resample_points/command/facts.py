@@ -1,4 +1,4 @@
-"""What files of clouds and of 3D Gaussians hold, for `resample-points info`."""
+"""Contents of files of clouds and 3D Gaussians, for `resample-points info`."""
 
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ QUANTILES = (0.01, 0.5, 0.99)
 
 
 def facts_in(path: Path) -> dict[str, Any]:
-    """Return what a file holds, as JSON values."""
+    """Return a file's contents, as JSON values."""
     from resample_points.data.columns import MEANINGS, SCANNED
     from resample_points.data.harmonics import COUNTS
     from resample_points.files.gaussians.formats import is_gaussians, read_gaussians
@@ -70,5 +70,5 @@ def _quantiles(values: NDArray[Any]) -> list[float]:
 
 
 def _exact(numbers: Any) -> list[float]:
-    """Return numbers with all digits that are known: 15 of float64, fewer of others."""
+    """Return numbers with all significant digits: 15 for float64, fewer for others."""
     return [float(f"{n:.15g}" if n.dtype == np.float64 else str(n)) for n in numbers]

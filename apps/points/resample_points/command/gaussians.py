@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from resample_points.scenes import Shape
 
 SHARED = ("also", "crop", "threads")  # options of clouds that Gaussians have, too
-BYTES = 280  # per Gaussian in memory, with what a picture needs of it
+BYTES = 280  # per Gaussian in memory, with a picture's data of it
 FEW = 100_000  # most Gaussians of previews
 SHARE = 0.8  # share of the free memory that projected Gaussians may take
 
@@ -106,13 +106,13 @@ class GaussianOptions(Choices):
     ] = None
 
     def check(self) -> None:
-        """Refuse invalid options before any work is done."""
+        """Reject invalid options before any work is done."""
         self.style()
         if self.deep is not None and (self.eyes is not None or self.order not in (None, "depth")):
             raise ValueError("--deep is for one picture in the order of depth; leave others out")
 
     def style(self) -> "GaussianStyle":
-        """Return the style that `render_gaussians` takes."""
+        """Return the style for `render_gaussians`."""
         from resample_points.painting.gaussians import GaussianStyle
 
         focal = None if self.trained_focal is None else focal_of(self.trained_focal)
@@ -161,21 +161,21 @@ class GaussianPictures:
 
     @cached_property
     def framing(self) -> "Cloud":
-        """What cameras are framed around."""
+        """Points that cameras frame."""
         from resample_points.painting.gaussians import shown_part
 
         return shown_part(self.gaussians)
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of Gaussians."""
         from resample_points.painting.gaussians import StoredGaussians
 
         scene = self.gaussians
         return scene.file.count if isinstance(scene, StoredGaussians) else len(scene.opacity)
 
     def print(self) -> str:
-        """Fingerprint of what is shown."""
+        """Fingerprint of the visible scene."""
         from resample.files.animations import fingerprint
         from resample_points.painting.gaussians import StoredGaussians
 
@@ -186,7 +186,7 @@ class GaussianPictures:
 
     @property
     def up(self) -> str:
-        """The scene's axis up; files that say nothing have y down, as photographs are laid out."""
+        """The scene's axis up; files that do not state it have y down, as photographs."""
         from resample_points.data.gaussians import DOWN
 
         return self.gaussians.up or DOWN
@@ -272,7 +272,7 @@ class GaussianPictures:
         return Shots(len(cameras), frame, job)
 
     def _slabs(self, camera: Any, shape: "Shape", count: int) -> "Iterator[DepthSlab]":
-        """Yield slabs front to back, each of the Gaussians whose centers lie in it."""
+        """Yield slabs front to back, each of the Gaussians with centers in it."""
         import numpy as np
 
         from resample.files.saving import DepthSlab, between
@@ -336,7 +336,7 @@ def gaussians_read(
 
 
 def free_memory() -> float:
-    """Bytes that a command may take, at least what it has now."""
+    """Bytes that a command may take, at least its current ones."""
     from resample.memory import ALLOWED, available_memory, memory_in_use
 
     allowed, free = ALLOWED.get(), available_memory()
@@ -347,7 +347,7 @@ def free_memory() -> float:
 
 
 class ConvertOptions(Choices):
-    """What is written of 3D Gaussians."""
+    """Options for writing 3D Gaussians."""
 
     heading: ClassVar[str] = "Look"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
@@ -373,14 +373,14 @@ class ConvertOptions(Choices):
     largest: Largest = None
 
     def check(self) -> None:
-        """Refuse invalid options before any work is done."""
+        """Reject invalid options before any work is done."""
         from resample_points.data.columns import box_of
 
         box_of(self.crop)
 
 
 def converted(session: "Session", file: Path, output: Path, options: ConvertOptions) -> None:
-    """Read Gaussians, and write what the options keep of them."""
+    """Read Gaussians, and write those that the options keep."""
     from resample.cameras.files import read_pose
     from resample.console import say
     from resample.memory import amount

@@ -24,7 +24,7 @@ METERS_PER_DEGREE = 111_320.0
 
 
 class MapOptions(Choices):
-    """What a map shows."""
+    """Contents of a map."""
 
     heading: ClassVar[str] = "Look"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
@@ -55,7 +55,7 @@ class MapOptions(Choices):
     threads: Threads = None
 
     def check(self, output: Path) -> None:
-        """Refuse invalid options before any work is done."""
+        """Reject invalid options before any work is done."""
         if output.suffix.lower() not in SUFFIXES:
             raise ValueError(f"{output}: maps are written as {' or '.join(SUFFIXES)}")
         CloudOptions(only=self.only, crop=self.crop).check(output, 1)
@@ -99,7 +99,7 @@ def write_map(session: "Session", files: Sequence[Path], output: Path, options: 
 
 
 def common_system(files: Sequence[Path]) -> "CoordinateSystem | None":
-    """Return the coordinate system of files; refuse files of several."""
+    """Return the coordinate system of files; reject files of several."""
     from resample.console import say
     from resample_points.files.las import coordinate_system_of
     from resample_points.files.readers import LASER
@@ -118,7 +118,7 @@ def common_system(files: Sequence[Path]) -> "CoordinateSystem | None":
 
 
 def facts_of(raster: "Raster", what: str, system: "CoordinateSystem | None") -> "FileMetadata":
-    """Return what the file says of a map: its place, its coordinate system, its missing value."""
+    """Return a map's metadata for its file: position, coordinate system, missing value."""
     import numpy as np
 
     from resample.files.metadata.fields import FileMetadata

@@ -1,4 +1,4 @@
-"""Render and film what files hold for the command line: clouds, 3D Gaussians, and others."""
+"""Render and film files for the command line: clouds, 3D Gaussians, and others."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -82,11 +82,11 @@ class ColoredScene(NamedTuple):
 
     @property
     def framing(self) -> "Surfels":
-        """What cameras are framed around."""
+        """Points that cameras frame."""
         return self.scene.surfels
 
     def upright(self, aim: Aimed) -> Aimed:
-        """Return the cameras as they are: files of clouds name no axis up."""
+        """Return the cameras unchanged: files of clouds name no axis up."""
         return aim
 
     def film(self, cameras: Sequence[Any], shape: "Shape", background: Any) -> "Shots":
@@ -113,7 +113,7 @@ class ColoredScene(NamedTuple):
         return Shots(len(cameras), frame, job)
 
     def write_index(self, path: Path, camera: "Camera", shape: "Shape") -> None:
-        """Write which point each pixel shows."""
+        """Write the index of the point that each pixel shows."""
         from resample.files.writing import replacing, save_array
 
         look = self.options
@@ -145,7 +145,7 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
         elif "colormap" in look.model_fields_set:
-            note("--colormap colors numbers, of which --color-by names one")
+            note("--colormap applies to numbers; choose one by --color-by")
     with session.stage("prepare", bar="measuring") as progress, told(progress):
         surfels = prepare_cloud(
             cloud,
@@ -183,7 +183,7 @@ def mention_origin(name: str, surfels: "Surfels", *, is_single: bool = False) ->
 
 
 def check_memory(shape: "Shape", output: Path, workers: int = 0) -> None:
-    """Refuse a picture (height, width) that does not fit into memory, here and in workers."""
+    """Reject a picture (height, width) that does not fit into memory, here and in workers."""
     from resample.command.session import bytes_per_value, require_picture
 
     require_picture(shape, CHANNELS * bytes_per_value(output), workers=workers)
@@ -223,7 +223,7 @@ class Filmed(Protocol):
 
     @property
     def framing(self) -> "Surfels | Cloud":
-        """What cameras are framed around."""
+        """Points that cameras frame."""
 
     def upright(self, aim: Aimed, /) -> Aimed:
         """Return cameras with the scene's own axis up, unless another is given."""
@@ -262,7 +262,7 @@ def scene_in(
     session: "Session",
     threads: int | None = None,
 ) -> Filmed:
-    """Read what a file holds, or the first of several that are a frame each."""
+    """Read a file, or the first of several with a frame each."""
     if threads is not None:
         look = look.model_copy(update={"threads": threads})
     if len(files) > 1:
@@ -277,7 +277,7 @@ def scene_in(
 
 @dataclass(frozen=True)
 class Sweep:
-    """Files that are a frame each, framed as the first."""
+    """Files with a frame each, framed as the first."""
 
     first: Filmed
     files: Sequence[Path]
@@ -285,7 +285,7 @@ class Sweep:
 
     @property
     def framing(self) -> "Surfels | Cloud":
-        """What cameras are framed around."""
+        """Points that cameras frame."""
         return self.first.framing
 
     def upright(self, aim: Aimed) -> Aimed:
@@ -322,7 +322,7 @@ def write_animation(
     resume: bool,
     sharing: "Sharing",
 ) -> None:
-    """Write a film around what files hold.
+    """Write a film around the content of files.
 
     `read`: function of a session, and of a number of threads or none, that reads the files; workers
     get it pickled. `shape`: height and width, px. `background`: linear light. All others are those

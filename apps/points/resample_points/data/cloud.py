@@ -18,7 +18,7 @@ NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
 def _tell_colors(args: Sequence[Any], named: dict[str, Any]) -> None:
-    """Say that colors are given in the place of normals, by some of their rows; convert levels."""
+    """Report colors passed as normals, judged by some rows; convert levels."""
     if "colors" in named and "color" not in named:  # as Open3D has them
         levels = np.asarray(named.pop("colors"))
         white = 1.0 if levels.dtype.kind == "f" else 255.0
@@ -56,7 +56,7 @@ class Cloud(NamedTuple):
     columns: Mapping[str, NDArray[Any]] = NO_COLUMNS  # (N,) each: further measurements, by name
 
     def __repr__(self) -> str:
-        """Number of points and what is known of them, in one line."""
+        """Number of points and their attributes, in one line."""
         parts = [name for name in ("normal", "color", "radius") if len(getattr(self, name))]
         return f"Cloud({', '.join([f'{len(self.position)} points', *parts, *self.columns])})"
 
@@ -110,7 +110,7 @@ def columns_of(cloud: Cloud) -> list[str]:
 
 
 def places(cloud: Cloud) -> Floats | Doubles:
-    """Return the positions (N, 3) of points that have one."""
+    """Return the positions (N, 3) of points with one."""
     position: Floats | Doubles = part_of(cloud, "position")
     known = np.isfinite(position).all(axis=1)
     return position if known.all() else position[known]

@@ -66,7 +66,7 @@ class Scale(NamedTuple):
         return mapped(self.colormap, _share(np.array(self.classes, np.float64), self.span))
 
     def class_names(self) -> list[str]:
-        """Return the names of the classes: numbers, and what they mean in LAS files."""
+        """Return the names of the classes: numbers, and their meaning in LAS files."""
         meanings = MEANINGS if self.name == SCANNED[1] else {}
         return [f"{number} {meanings.get(number, '')}".strip() for number in self.classes]
 
@@ -106,7 +106,7 @@ def colored(
 
 
 def _share(value: Doubles, span: Range) -> Doubles:
-    """Return where values lie in a span, from 0 to 1; 0.5 in an empty one."""
+    """Return positions of values in a span, from 0 to 1; 0.5 in an empty one."""
     low, high = span
     if not low < high:
         return np.full_like(value, 0.5)
@@ -117,7 +117,7 @@ def colored_as_scanned(cloud: Cloud) -> Cloud:
     """Color a laser scan by its red, green and blue columns, which are removed.
 
     Levels have 16 bits, or 8 if none is above 255. If there are none, or all are black, points are
-    gray by their intensity, of which the 98 % quantile is white and 0, or the least where that is
+    gray by their intensity: its 98 % quantile is white and 0, or the least where that is
     negative, black; or else get a color per class.
     """
     rest = {name: column for name, column in cloud.columns.items() if name not in COLORS[0]}
@@ -216,7 +216,7 @@ class Wanted(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The condition as it is given."""
+        """The condition as text."""
         spans = (f"{a:g}" if a == b else f"{a:g}:{b:g}" for a, b in self.ranges)
         return f"{self.column}={','.join(spans).replace('-inf', '').replace('inf', '')}"
 
@@ -353,7 +353,7 @@ def corners_of(crop: str | None) -> Doubles:
 
 
 def _range(word: str) -> Range | None:
-    """Read a value or a range low:high, either of whose ends may be missing."""
+    """Read a value or a range low:high; either end may be missing."""
     first, colon, last = word.strip().partition(":")
     try:
         low = float(first) if first or not colon else -np.inf

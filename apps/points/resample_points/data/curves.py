@@ -10,7 +10,7 @@ from resample.types import Doubles, Floats
 Codes = NDArray[np.uint64]
 
 BATCH_SIZE = 256  # points compared at a time
-CHUNK = 16384  # points whose codes are found together
+CHUNK = 16384  # points with codes computed together
 STEPS = 2**21 - 1  # per axis
 SPREADS = (
     (32, 0x1F00000000FFFF),

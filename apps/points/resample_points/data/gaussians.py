@@ -47,7 +47,7 @@ class Training(NamedTuple):
     def focal_for(self, camera: Any) -> float:
         """Focal length, px, that gives pixels as large as in training, seen from a camera.
 
-        It grows with the distance, beyond that of training. Where rays are parallel it is in px
+        It grows with the distance, beyond the training's. Where rays are parallel it is in px
         per scene unit.
         """
         if isinstance(camera, Orthographic):
@@ -57,7 +57,7 @@ class Training(NamedTuple):
         return self.focal * max(1.0, away / self.distance)
 
     def is_guessed_for(self, camera: Any) -> bool:
-        """Whether a camera's picture is coarser than those of training, which are estimated."""
+        """Whether a camera's picture is coarser than training's, which is estimated."""
         own = float(getattr(camera, "sx", getattr(camera, "fx", 0.0)))
         return self.is_estimated and own < self.focal_for(camera)
 
@@ -65,7 +65,7 @@ class Training(NamedTuple):
 def training_of(
     position: Floats, scale: Floats, opacity: Floats, shots: "Sequence[PosedPicture]" = ()
 ) -> Training | None:
-    """Return how training saw Gaussians; None if nothing can be said. Their order has no effect.
+    """Return the training's view of Gaussians; None if unknown. Their order has no effect.
 
     `shots`: pictures of training. Without any, the size of a pixel is estimated: few opaque
     Gaussians that appear smaller than 0.062 px, seen along their shortest axis, survive training.
@@ -138,7 +138,7 @@ class Gaussians(NamedTuple):
 
 
 class Crop(NamedTuple):
-    """What is shown of a scene, see `cropped_gaussians`."""
+    """Visible part of a scene, see `cropped_gaussians`."""
 
     box: ArrayLike | None = None
     least_opacity: float = 0.0
@@ -205,7 +205,7 @@ def are_drawable(gaussians: Gaussians) -> NDArray[np.bool_]:
         known &= (scale[:, axis] > 0) & (scale[:, axis] <= FARTHEST)
         known &= np.isfinite(gaussians.color[:, axis])
     norm = np.abs(gaussians.rotation).max(axis=1, initial=0)
-    known &= (norm > 1e-12) & (norm < 1e15)  # whose squares are finite and not 0
+    known &= (norm > 1e-12) & (norm < 1e15)  # with squares that are finite and not 0
     return known
 
 
@@ -299,7 +299,7 @@ def kept_by(gaussians: Gaussians, crop: Crop) -> NDArray[np.bool_]:
 
 
 AXES_UP = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
-DOWN = "-y"  # what is up in scenes that say nothing, as in photographs
+DOWN = "-y"  # the axis up in scenes that do not state it, as in photographs
 SIMILAR = 1e-4  # relative error of a pose's axes, as float32 and text have
 
 
@@ -319,7 +319,7 @@ def placed_gaussians(gaussians: Gaussians, pose: ArrayLike) -> Gaussians:
     Raises
     ------
     ValueError
-        The pose is none, or it mirrors or shears.
+        The pose is invalid, or it mirrors or shears.
 
     Examples
     --------
@@ -365,7 +365,7 @@ def placed_gaussians(gaussians: Gaussians, pose: ArrayLike) -> Gaussians:
 
 
 def with_up(gaussians: Gaussians, up: str) -> Gaussians:
-    """Return a scene turned so that another axis is up; one that says nothing has y down."""
+    """Return a scene rotated so that another axis is up; by default y is down."""
     have, wanted = (
         np.array(AXES_UP[name[-1]]) * (-1 if name[0] == "-" else 1)
         for name in (gaussians.up or DOWN, up)

@@ -1,6 +1,6 @@
 """Real spherical harmonics of degrees 1 to 3: their values, their rotation, and 16-bit storage.
 
-The order and the signs are those of trained scenes: m from -l to l within degree l, with the
+The order and the signs are as in trained scenes: m from -l to l within degree l, with the
 Condon-Shortley phase.
 """
 
@@ -49,7 +49,7 @@ def harmonics_along(direction: ArrayLike, count: int) -> Doubles:
 def turned_harmonics(rotation: ArrayLike, count: int) -> Doubles:
     """Return the matrix (count, count) that turns coefficients with a scene.
 
-    `rotation`: (3, 3), old to new axes. A function f becomes f(Rᵀ d), whose coefficients follow
+    `rotation`: (3, 3), old to new axes. A function f becomes f(Rᵀ d); its coefficients follow
     from its values along fixed directions; the matrix has one block per degree.
     """
     turn = np.asarray(rotation, np.float64)
@@ -81,5 +81,5 @@ def rounded_to(values: NDArray[Any], step: float) -> NDArray[np.int16]:
 
 
 def parts_of(count: int) -> list[slice]:
-    """Return slices of rows, so that what is computed with them stays small."""
+    """Return slices of rows, so that temporary arrays stay small."""
     return [slice(first, min(first + STEP, count)) for first in range(0, count, STEP)]

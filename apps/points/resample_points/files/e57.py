@@ -87,7 +87,7 @@ def _parts(path: Path, libe57: Any, image: Any, scan: Any) -> Iterator[dict[str,
 def _fields(
     part: dict[str, NDArray[Any]], scan: Any, spans: list[tuple[float, float]]
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns of valid points by the names that clouds have."""
+    """Return the columns of valid points by clouds' names."""
     if all(name in part for name in PLACES):
         own = np.stack([part[name] for name in PLACES], axis=1)
     elif all(name in part for name in ANGLES):

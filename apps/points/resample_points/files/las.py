@@ -1,8 +1,8 @@
 """Read LAS, LAZ and COPC laser scans through laspy with lazrs (the extra `las`).
 
 Positions are integers times a scale plus an offset, as in the American Society for Photogrammetry
-and Remote Sensing's LAS 1.4; they are computed in float64. COPC 1.0 is LAZ whose points are stored
-in an octree: each level adds points between those of the previous levels. LAS 1.4 takes coordinate
+and Remote Sensing's LAS 1.4; they are computed in float64. COPC 1.0 is LAZ with points stored
+in an octree: each level adds points between the previous levels' points. LAS 1.4 takes coordinate
 systems over as they are in OGC's WKT and GeoTIFF 1.0; only EPSG's codes are read.
 """
 
@@ -46,10 +46,10 @@ LEFT_OUT = {  # dimensions that no picture uses
 
 
 def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -> Cloud:
-    """Read the cloud of a LAS, LAZ or COPC file; columns: names of those to keep, None for all.
+    """Read the cloud of a LAS, LAZ or COPC file; columns: names of the ones to keep, None for all.
 
     Colors are sRGB in 16 bits, or in 8 if none is above 255. If there are none, or all are black,
-    points are gray by their intensity, of which the 98 % quantile is white, or else get a color per
+    points are gray by their intensity, with the 98 % quantile white, or else get a color per
     class.
     """
     with _opened(path) as (laspy, file, header):
@@ -92,9 +92,9 @@ def records_of(path: Path, owner: str) -> dict[int, bytes]:
 
 @contextmanager
 def _opened(path: Path, **options: Any) -> Iterator[tuple[Any, BinaryIO, Any]]:
-    """Open a file; give laspy, the file and its header. laspy logs nothing: its errors are raised.
+    """Open a file; return laspy, the file and its header. laspy's errors are raised, not logged.
 
-    A header whose records do not fit into the file is rejected, as laspy would read them all.
+    A header with more records than the file holds is rejected, as laspy would read them all.
     """
     try:
         import laspy
@@ -157,7 +157,7 @@ def _coarse(entries: NDArray[Any], level: int) -> NDArray[Any]:
 
 
 def _hint(entries: NDArray[Any] | None, level: int) -> str:
-    """Return the hint which level of a file fits into memory."""
+    """Return a hint for a level of a file that fits into memory."""
     left = memory_left()
     if entries is None or left is None:
         return ""
@@ -226,7 +226,7 @@ def _unpacked(
     import lazrs
 
     packing, size = _packing(path, header), header.point_format.size
-    # Layers of points (formats 6 to 10), in whose sizes lazrs trusts.
+    # Layers of points (formats 6 to 10); lazrs trusts their sizes.
     items = np.frombuffer(packing[ITEMS:], "<u2")[: 3 * packing[ITEMS - 2]].reshape(-1, 3).tolist()
     layers = sum(width if kind == BYTES else LAYERS.get(kind, 0) for kind, width, _ in items)
     first = size + 4 + 4 * layers
@@ -254,7 +254,7 @@ def _unpacked(
 
 
 def _fields(header: Any, record: Any) -> tuple[Fields, Fields]:
-    """Return red, green and blue if there are, and all other columns; no withheld points."""
+    """Return red, green and blue, if any, and all other columns, without withheld points."""
     kept = ~np.asarray(record["withheld"], np.bool_)
     known = tuple(record.point_format.dimension_names)
     columns = {name: np.asarray(record[name])[kept] for name in known if name not in LEFT_OUT}
@@ -288,7 +288,7 @@ class CoordinateSystem(NamedTuple):
 
 
 def coordinate_system_of(path: Path) -> CoordinateSystem | None:
-    """Read the coordinate system of a LAS or LAZ file; None if it says nothing."""
+    """Read the coordinate system of a LAS or LAZ file; None if not stated."""
     held = records_of(path, OWNER)
     if WKT in held:
         return _of_wkt(held[WKT].decode("utf-8", "replace").strip("\0 "))
@@ -341,6 +341,6 @@ def _code_of(text: str, begin: int) -> int | None:
 
 
 def _keys(entries: list[list[int]]) -> Tag:
-    """Return GeoTIFF's directory of keys, with the one that says that values are of areas."""
+    """Return GeoTIFF's directory of keys, with the key for pixels as areas."""
     whole = sorted([*entries, [RASTER, 0, 1, IS_AREA]])
     return Tag(SHORT, np.array([[1, 1, 0, len(whole)], *whole], np.uint16).ravel())

@@ -76,7 +76,7 @@ def _records(file: BinaryIO, count: int, kind: np.dtype[Any]) -> Iterator[NDArra
 
 
 def _white_in(file: BinaryIO, count: int, kind: np.dtype[Any]) -> float | None:
-    """Return the level of white in all records, which are then to be read anew; None: known."""
+    """Return the level of white in all records, for a second pass; None: known."""
     names = next((group for group in COLORS if set(group) <= set(kind.names or ())), ())
     if not names or all(kind[name] == np.uint8 for name in names) or not count:
         return None
@@ -238,7 +238,7 @@ def read_bin(path: Path) -> Cloud:
     """Read a `.bin` scan of KITTI, or a `.pcd.bin` scan of nuScenes; gray by intensity."""
     names = NUSCENES if path.name.lower().endswith(".pcd.bin") else KITTI
     kind, size = np.dtype([(name, "<f4") for name in names]), path.stat().st_size
-    told = f"is no scan of KITTI: {len(names)} numbers ({' '.join(names)}) of float32 per point"
+    told = f"is not a KITTI scan: {len(names)} numbers ({' '.join(names)}) of float32 per point"
     if size % kind.itemsize or not size:
         raise ValueError(f"{told}, but its {size} bytes are not a multiple of {kind.itemsize}")
     with path.open("rb") as file:

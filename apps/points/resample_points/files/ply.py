@@ -61,7 +61,7 @@ class Element:
 
 @dataclass(frozen=True)
 class PlyFile:
-    """A PLY file whose header was read; records are read by the element."""
+    """A PLY file after its header was read; records are read by the element."""
 
     path: Path
     encoding: str
@@ -76,7 +76,7 @@ class PlyFile:
 
     @property
     def is_antialiased(self) -> bool:
-        """Whether a comment says so; the last one holds."""
+        """Whether the last comment about it says so."""
         return [False, *(ANTIALIASED[c] for c in self.comments if c in ANTIALIASED)][-1]
 
     @property
@@ -87,7 +87,7 @@ class PlyFile:
         return told[-1] if told and told[-1] in {"x", "y", "z"} else None
 
     def tell_scales(self) -> None:
-        """Say which comments change positions, as no program agrees on them."""
+        """Report comments that change positions, on which programs disagree."""
         for comment in filter(SCALING.search, self.comments):
             say_of(self.path, f"its comment {comment!r:.80} is not applied")
 
@@ -251,7 +251,7 @@ def _runs(path: Path, file: BinaryIO, element: Element) -> Iterator[NDArray[Any]
 
 
 def _kind_at(data: NDArray[np.uint8], begin: int, element: Element) -> np.dtype[Any] | None:
-    """Return the type of the record at an offset; None if it does not fit into the file."""
+    """Return the type of the record at an offset; None if it exceeds the file."""
     fields, place = list[Any](), begin
     for each in element.properties:
         if each.length:

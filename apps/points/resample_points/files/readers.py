@@ -13,7 +13,7 @@ from resample.reading.limits import check_file
 from resample_points.data.cloud import Cloud, kept_columns, linear, some_of
 
 SNAPSHOTS = (".hdf5", ".h5", ".he5")  # of particles, which another package maps
-LASER = (".las", ".laz")  # of which parts are read, where they are large
+LASER = (".las", ".laz")  # large files are read in parts
 PARTS = {"position": (3,), "normal": (3,), "color": (3,), "radius": ()}  # shapes per point
 
 
@@ -44,7 +44,7 @@ def read_cloud(path: str | Path, *, level: int = 0, columns: Sequence[str] | Non
 
     Returns
     -------
-    The points whose positions are finite. A mesh's triangles are ignored: its vertices are points.
+    The points with finite positions. A mesh's triangles are ignored: its vertices are points.
 
     Raises
     ------

@@ -197,12 +197,12 @@ def _camera(size: tuple[int, int], fov: float) -> Camera:
 
 
 def _slopes(camera: Camera, size: tuple[int, int]) -> Doubles:
-    """Return the tangents (2,) of the half angles, x and y, that points should fill."""
+    """Return the tangents (2,) of the half angles, x and y, for points to fill."""
     return 0.5 * FILLED * np.array([size[0] / camera.fx, size[1] / camera.fy], np.float64)
 
 
 def _sides(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:
-    """Return where the frame's sides touch a cloud: right, bottom; left, top; (2, 2).
+    """Return the cloud's extent against the frame's sides: right, bottom; left, top; (2, 2).
 
     `axes` (3, 3) holds the camera's axes in its rows. For a camera at the origin a point p is
     within a side of the frame if ± x − slope z ≤ 0; for one at e, if that is at most ± x − slope z

@@ -2,15 +2,15 @@
 
 The nearest neighbours of a point on a ring of a spinning scanner lie on its own line. They tell
 neither the direction of the surface nor how far the next line is. Therefore the cloud is thinned
-step by step, by cells of the curve along which it is sorted, whose sides double. Where cells are
+step by step, by cells of doubling sides along the sorting curve. Where cells are
 about as large as lines are apart, neighbours lie all around: from there come the normal, and the
 disc's extent across its line.
 
-Seen from a scanner at the origin of the file's coordinates, points are neighbours whose directions
+Seen from a scanner at the origin of the file's coordinates, points are neighbours if directions
 are: rings are about as near to each other as the points along them, whatever the surface. A plane
 has inverse distances that are linear in the direction, so one is fitted to each point's neighbours.
-A point takes those that fit best among its own and those of its neighbours, which lie on its side
-of an edge. Its disc is the part of that plane that it has to cover as the scanner sees it: its cell
+A point takes the best fitting planes among its own and its neighbours' on its side
+of an edge. Its disc is the part of the plane that it has to cover as the scanner sees it: its cell
 among the directions.
 """
 
@@ -52,12 +52,12 @@ class MeasuredDiscs(NamedTuple):
 
 
 class Lying(NamedTuple):
-    """How the neighbours of N points lie."""
+    """Arrangement of the neighbours of N points."""
 
     along: Floats  # (N, 3) direction of the line; 0 where there is none
     is_line: Flags  # (N,)
     is_surface: Flags  # (N,)
-    is_cloud: Flags  # (N,) in all directions, as of strays
+    is_cloud: Flags  # (N,) in all directions, as for strays
 
 
 def has_lines(whole: MeasuredDiscs) -> bool:
@@ -105,7 +105,7 @@ def _widened_at(
     level: tuple[MortonCurve, int],
     state: tuple[Floats, Flags],
 ) -> bool:
-    """Widen discs by what one thinning finds; whether a coarser one may find more."""
+    """Widen discs by the result of one thinning; return whether a coarser one may find more."""
     curve, halvings = level
     along, is_open = state
     side = curve.extent / 2.0**halvings
@@ -156,7 +156,7 @@ def _widen(
     along: Floats,
     is_known: bool,
 ) -> None:
-    """Give points the normal and the extent across their line of points of a thinned cloud."""
+    """Copy normals and extents across the line from points of a thinned cloud."""
     these, those = both
     normal = whole.normal[these] if is_known else thin.normal[those]
     line = along[these]
@@ -183,7 +183,7 @@ def _dot(one: Floats, two: Floats) -> Floats:
 
 
 def shape_of(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> Lying:
-    """Return how the neighbours of some points lie, from the variances along three axes."""
+    """Return the arrangement of some points' neighbours, from variances along three axes."""
     # Sum the offsets of neighbours, and their products; subtract the means.
     here, count = points.position[rows], points.nearest.shape[1]
     sums = [np.zeros(len(here)) for _ in range(9)]
@@ -226,7 +226,7 @@ AROUND = MortonCurve(np.full(3, -1, np.float32), 2.0)  # the curve through all d
 AT_A_TIME = 1 << 13  # points at a time
 OUTSIDE = 0.1  # of the longest side of the cloud's box: the scanner is at most so far outside of it
 FITTED = 0.02  # of the distance: rms distance of neighbours from their plane, at most
-SEEN = 0.75  # least share of points with such a plane, of what one scanner sees
+SEEN = 0.75  # least share of points with such a plane, of a single scanner's points
 ALIKE = 1.5  # times the least misfit: planes that a point takes the mean of
 STEEPEST = 0.5  # change of the distance within a disc, at most, relative to the distance
 
@@ -237,7 +237,7 @@ def scanned(
     measure: Callable[[Floats, Floats], MeasuredDiscs],
     is_known: bool,
 ) -> bool:
-    """Fill in normals and discs of a scan; whether it is one, else nothing is changed.
+    """Fill in normals and discs of a scan; return False, unchanged, if it is not a scan.
 
     `whole`: all points; with `is_known` they keep their normals. `scanner`: (3,) its place, beside
     the points' positions. `measure`: finds cells among directions (N, 3) on given tangent planes.
@@ -336,7 +336,7 @@ def _planes(toward: Floats, away: Doubles) -> Doubles:
 
 
 def _off(plane: Doubles, toward: Floats, away: Doubles) -> Doubles:
-    """Return how far (N, k) points are from planes along their rays; inf where rays miss them."""
+    """Return distances (N, k) of points to planes along their rays; inf where rays miss."""
     inverse = _product(plane, toward)
     with np.errstate(divide="ignore"):
         off: Doubles = np.where(inverse > 0, np.abs(1 / inverse - away), np.inf)

@@ -29,10 +29,10 @@ from resample_points.geometry.sorting import in_order
 
 NEIGHBOURS = 13  # with the point itself
 NEIGHBOURS_OF_SCANS = 21  # the same, by direction: two rings to each side
-MORE_NEIGHBOURS = 41  # for points whose 13 neighbours leave a gap
+MORE_NEIGHBOURS = 41  # for points with a gap between 13 neighbours
 LARGEST = 1.75  # largest disc, relative to the upper quartile of its neighbours' sizes
 MUCH = 4.0  # times the usual size of discs, from which strays are looked for
-SAMPLED = 1 << 20  # points whose sizes tell the usual one, about
+SAMPLED = 1 << 20  # points to estimate the usual size from, about
 F4 = np.float32
 SORTING, MEASURING = 0.2, 0.95  # share of all work, share of the rest
 RANKED = 48  # bytes per point while ranks are sorted
@@ -83,7 +83,7 @@ def prepare_cloud(
     largest
         Largest disc, relative to the upper quartile of the sizes of its 12 neighbours; for a stray
         point, with at most one neighbour that is half as isolated, at most 1. Infinity removes both
-        limits. Points on no surface, with discs much larger than most, get half of what most have.
+        limits. Points on no surface, with discs much larger than usual, get half the usual size.
         Only for discs without a given radius.
     threads
         Most threads to use; the discs do not depend on it.
@@ -249,10 +249,10 @@ def _measured_places(
 
 
 def _shrink_strays(found: MeasuredDiscs, largest: float) -> None:
-    """Make discs of points that lie on no surface half as large as most, if they are much larger.
+    """Shrink much larger discs of points on no surface to half the usual size.
 
     Strays in empty space have strays around them, so their neighbours do not limit their discs.
-    Some have neighbours that lie flat by chance; these are limited by what the others have now.
+    Some have neighbours that lie flat by chance; their sizes are limited by the others' new sizes.
     """
     axes, size = found.axes, _sizes(found.axes)
     usual = np.median(size[:: max(1, len(size) // SAMPLED)])
@@ -336,7 +336,7 @@ def folder() -> Path:
 def _measured_once(
     position: Floats, normal: Floats, axes: Floats, largest: float | None, zero: Doubles
 ) -> None:
-    """Do as `_measured` does, or read normals and discs from the cache; cache them."""
+    """Return `_measured`, or its result from the cache; cache new results."""
     if len(position) < LEAST_POINTS:
         _measured(position, normal, axes, largest, zero)
         return

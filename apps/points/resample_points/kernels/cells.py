@@ -67,7 +67,7 @@ def put_around(line: Doubles, count: int, half: float) -> int:
 
 @inner_kernel
 def _left(line: Doubles, n: int, m: int, other: Vector, far: float) -> tuple[float, float]:
-    """Begin and end of what another line leaves of line n."""
+    """Begin and end of line n's part on the inner side of another line."""
     # Intersect both lines; the sine's sign tells which side is cut off.
     x, y, away = other
     sine = line[X, n] * y - line[Y, n] * x
@@ -116,7 +116,7 @@ def meet(lines: DiscLines, count: int, far: float) -> tuple[int, int, float]:
     _leave(line, count, far)
     kept, corners, reach = 0, 0, 0.0
     for n in range(count):
-        # Drop lines of which nothing is left.
+        # Drop lines that were clipped entirely.
         begin, end = line[BEGIN, n], line[END, n]
         if not begin < end:
             continue
@@ -217,7 +217,7 @@ def _turned_flattest(m: Matrix) -> Vector:
 
 @kernel
 def _least(m: Matrix, trace: float) -> float:
-    """Least eigenvalue of a positive semidefinite matrix; NaN if another is as near.
+    """Least eigenvalue of a positive semidefinite matrix; NaN if it is not unique.
 
     Newton's method does not overshoot the first zero of the characteristic polynomial.
     """
@@ -255,7 +255,7 @@ def flattest(m: Matrix) -> Vector:
     """
     trace = m[0][0] + m[1][1] + m[2][2]
     value = _least(m, trace)
-    # Compute the adjugate's diagonal; Jacobi's method takes what is close to degenerate, or NaN.
+    # Compute the adjugate's diagonal; Jacobi's method handles near-degenerate cases and NaN.
     x, y, z = m[0][0] - value, m[1][1] - value, m[2][2] - value
     xx, yy, zz = y * z - m[1][2] * m[1][2], x * z - m[0][2] * m[0][2], x * y - m[0][1] * m[0][1]
     if not xx + yy + zz > APART * trace * trace:
@@ -279,8 +279,8 @@ CHUNK = 1024  # points that a thread takes at a time
 WIDEST = 0.73  # corners of a cell lie within this times the distance to the last neighbour
 FARAWAY = 1e3  # times that: where sides of open cells end
 BATCH_SIZE = 12  # neighbours that are visited together
-AROUND = 5  # nearest neighbours, whose mean distance is the spacing at a rim
-OUTLINE_SHARE = 0.65  # of that spacing: extent of a cell where there is no neighbour
+AROUND = 5  # nearest neighbours; their mean distance is the spacing at a rim
+OUTLINE_SHARE = 0.65  # of the spacing: extent of a cell where there is no neighbour
 FARTHEST = 5.0  # times that: extent of a cell among neighbours
 CLUMPED = 1.3  # times the distance to the twelfth neighbour: the same, at least
 LONGEST = 8.0  # ratio of a disc's length to its width, at most
@@ -351,7 +351,7 @@ def _cell(
             # The bisecting plane meets the tangent plane in a line.
             x, y, square = dot(step, frame[0]), dot(step, frame[1]), dot(step, step)
             scale = 1.0 / math.sqrt(x * x + y * y)
-            # Skip neighbours straight above, whose bisector is parallel.
+            # Skip neighbours straight above; their bisector is parallel.
             if not scale < np.inf:
                 continue
             # Keep lines that cut the cell.
@@ -381,7 +381,7 @@ def _distance(position: Floats, neighbour: Indices, n: int, j: int) -> float:
 def _ellipse(lines: DiscLines, count: int, corners: int) -> tuple[float, float, float, float]:
     """Half axes (x₁, y₁), (x₂, y₂) of a centered ellipse that contains a cell.
 
-    Its shape is that of the cell's second moments.
+    Its shape follows from the cell's second moments.
     """
     # Add up the second moments of triangles between the origin and each side.
     line, corner = lines.line, lines.corner

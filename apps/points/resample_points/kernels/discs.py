@@ -7,7 +7,7 @@ that it would fall between sub-pixels, its projection is linearized, and its sin
 clamped to the size of a sub-pixel: such discs are points along one axis, or along both.
 
 A sub-pixel shows all discs of the surface in front of it, weighted by the distance of their
-centers; discs whose planes are farther there than sampling explains belong to the next surface,
+centers; discs with planes farther there than sampling explains belong to the next surface,
 which shows where the first leaves the pixel uncovered.
 """
 
@@ -58,7 +58,7 @@ SURFEL = np.dtype(
         ("slope_y", np.float32),
         ("nearness", np.float32),  # 1 / z of the center, 1 / scene units
         ("keep", np.float32),  # surfaces nearer than keep × nearness are the same as the disc's
-        ("weight", np.float32),  # area of the disc over that of what is drawn; 1: a splat
+        ("weight", np.float32),  # area of the disc over the drawn area; 1: a splat
         ("left", np.float32),  # px, bounds; left > right: none
         ("top", np.float32),
         ("right", np.float32),
@@ -163,7 +163,7 @@ def _set_clamped(
     c, s = math.cos(angle), math.sin(angle)
     record["ux"], record["uy"] = c / (REACH * long), s / (REACH * long)
     record["vx"], record["vy"] = -s / (REACH * short), c / (REACH * short)
-    # Dim what was enlarged, so that its total stays.
+    # Dim enlarged discs, so that their total light stays.
     record["weight"] = values[0] * values[1] / (long * short)
     # Find the change of relative nearness per px: the plane's equation over its value there.
     center, w = forms[0], cross(forms[1], forms[2])
@@ -250,7 +250,7 @@ def project_discs(
                 facing = dot(normal, toward) / math.sqrt(square) if square > 0.0 else 0.0
                 if eye.cull and facing <= 0.0:
                     continue
-            # Cull discs outside; the margin keeps points whose sub-pixels are in the frame.
+            # Cull discs outside; the margin keeps points with sub-pixels in the frame.
             is_outside = (
                 _is_beside(center[0], a[0], b[0])
                 or _is_beside(center[1], a[1], b[1])
@@ -318,7 +318,7 @@ FEW = 4.0  # sub-pixels; shorter rows are not narrowed down
 AMPLE = 1.5  # factor of the coverage of points, so that irregular surfaces of them are closed, too
 EVEN = 1.0  # px; discs at least as large need not be sampled at every sub-pixel
 LAYERS = 8  # surfaces one behind the other, at most
-RED, GREEN, BLUE = range(3)  # lanes of a surface, besides those of the engine
+RED, GREEN, BLUE = range(3)  # lanes of a surface, in addition to the engine's
 
 
 class Discs(NamedTuple):
@@ -450,7 +450,7 @@ def _claim(discs: Discs, member: int, block: Block) -> None:
         first, last = _columns(disc, block, row, core)
         start, (u0, v0, d0) = _in_row(disc, block, row)
         for column in range(first, last + 1):
-            # Evaluate the disc's linear forms; perspective divides those of splats.
+            # Evaluate the disc's linear forms; perspective divides splats'.
             dx = start + np.float32(column) * fine
             u, v, d = ux * dx + u0, vx * dx + v0, p * dx + d0
             e = d if is_splat else one
@@ -530,7 +530,7 @@ def _write(picture: CloudPicture, block: Block) -> None:
                     cover += seen[row, column, 3]
                     depth += seen[row, column, 4]
                     first = max(first, seen[row, column, 5])
-            # Write premultiplied color and coverage, mean depth, and the depth of what is first.
+            # Write premultiplied color and coverage, mean depth, and the first surface's depth.
             y, x = block.top + i, block.left + j
             rgba[y, x, 0], rgba[y, x, 1] = scale * red, scale * green
             rgba[y, x, 2], rgba[y, x, 3] = scale * blue, min(1.0, scale * cover)

@@ -1,4 +1,4 @@
-"""Nearest neighbours of points along a Morton curve, block by block, and the discs that they give.
+"""Nearest neighbours of points along a Morton curve, block by block, and discs from them.
 
 Sixteen consecutive points are a block, eight blocks one of the next size, and so on up to one that
 holds all. Eight blocks share a list of the points around them, within the distance at which the
@@ -26,7 +26,7 @@ Box = tuple[Vector, Vector]  # least and greatest corner
 BLOCK = 16  # points
 SHIFT = 3
 FAN = 1 << SHIFT  # children of a block
-GROUP = FAN * BLOCK  # points whose neighbours are searched together
+GROUP = FAN * BLOCK  # points with a joint search for neighbours
 BLOCK_MARGIN = 2  # size of the block around which the search first stays
 DEEPEST = 12  # sizes of blocks: enough for 16 × 8¹¹ points
 AROUND = 2048  # points around a group, in a list
@@ -60,7 +60,7 @@ class Search(NamedTuple):
     which: Numbers  # (GROUP,) the points
     found: Numbers  # (GROUP, k) their neighbours, the nearest first
     around: Listed  # `AROUND` points around them
-    near: Listed  # `NEAR` points around those of a block
+    near: Listed  # `NEAR` points around a block's
     place: Doubles  # (3, BLOCK) places of a block's points
     bound: Doubles  # (BLOCK,) squares of distances that their neighbours do not exceed
     many: Numbers  # (BLOCK,) number of candidates
@@ -276,7 +276,7 @@ def _rank(away: Doubles, held: Numbers, many: int, rank: Numbers) -> None:
         for m in range(lanes):
             nearer += int(away[m] < d)
         rank[n] = nearer
-    # If all ranks differ, none are equally far: their sum is that of 0 … many − 1.
+    # If all ranks differ, none are equally far: their sum is 0 + … + (many − 1).
     total = 0
     for n in range(many):
         total += rank[n]

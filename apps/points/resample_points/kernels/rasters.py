@@ -137,8 +137,8 @@ def fill_cells(
     sides of a cell. `values`: (N, C) at points. `start`, `across`, `side`: first point of each bin;
     number of bins in a row, and their side in cells. `nearest`: distance in cells within which a
     point suffices; farther ones must lie all around. `raster`: (H, W, C), filled where there is a
-    surface; its corner is `2**DOUBLINGS` bins right of and below that of the bins. `top`: (H, W)
-    point whose surface a cell shows, or -1.
+    surface; its corner is `2**DOUBLINGS` bins right of and below the bins'. `top`: (H, W)
+    point with the surface that a cell shows, or -1.
     """
     height, width, count = raster.shape
     border = side * (1 << DOUBLINGS)

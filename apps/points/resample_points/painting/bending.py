@@ -35,13 +35,13 @@ BESIDE = 1.5  # picture sizes from its middle within which discs are kept
 SMOOTH = 0.8  # of half a turn to each side of a panorama's half, within which discs are kept
 NEAREST, MIDDLE = 2.0, 3.0  # depths that a parallel view begins at and has in its middle, in radii
 
-Bend = Callable[[Doubles], Doubles]  # camera coordinates (N, 3) to those of a pinhole
+Bend = Callable[[Doubles], Doubles]  # camera coordinates (N, 3) to a pinhole's
 Shape = tuple[int, int]  # height and width, px
 
 
 @dataclass(frozen=True, eq=False)
 class ProjectedCamera:
-    """Camera whose picture has a projection of the group `resample.projections`.
+    """Camera with a projection of the group `resample.projections`.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ CloudView = Camera | Orthographic | Equirectangular | ProjectedCamera
 
 
 class PinholePart(NamedTuple):
-    """What a pinhole shows of bent discs: some columns of a picture."""
+    """Part of a picture that a pinhole shows of bent discs: some columns."""
 
     camera: Camera  # pinhole; with an identity pose where discs are bent
     left: int  # px

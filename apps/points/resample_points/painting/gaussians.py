@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl et al. 2023)
 NEAR = 0.02  # share of a scene's radius before which nothing is shown, as training has it
-PART = 1 << 16  # Gaussians whose colors are found together
+PART = 1 << 16  # Gaussians with colors computed together
 OPAQUE_ENOUGH = 0.3  # opacity of Gaussians that cameras are framed around, at least
 WIDE = 2.0  # standard deviations that Gaussians are seen to reach
 FRAMED = 20_000  # Gaussians that cameras are framed around, about
@@ -52,7 +52,7 @@ TRIMMED = 0.02  # share of these along each axis that may lie beside the frame, 
 
 
 class GaussianAppearance(StrEnum):
-    """How Gaussians appear."""
+    """Appearance of Gaussians."""
 
     TRAINED = "trained"  # as wide as training has seen them, exact on every ray
     BARE = "bare"  # as they are in the file
@@ -125,7 +125,7 @@ class GaussianStyle:
     def shaped(
         self, camera: CloudView, training: Training | None, *, is_antialiased: bool, is_wide: bool
     ) -> ShapedStyle:
-        """Return the style that ellipsoids are painted with, for a picture of a camera."""
+        """Return the style for painting ellipsoids, for a camera's picture."""
         is_bare = self.appearance == GaussianAppearance.BARE
         usual = ShapedOrder.DISTANCE if is_wide else ShapedOrder.DEPTH
         near, trained, least = self.near, self.trained_focal, 0.0
@@ -161,7 +161,7 @@ class GaussianParts(NamedTuple):
         return [min(PART, count - first) for first in range(0, count, PART)]
 
     def load(self, part: int, view: View, /) -> Ellipsoids:
-        """Some Gaussians with the colors that they have toward the eye."""
+        """Some Gaussians with their colors toward the eye."""
         return self.load_rows(slice(part * PART, (part + 1) * PART), view)
 
     def load_rows(self, rows: slice, view: View) -> Ellipsoids:
@@ -186,7 +186,7 @@ class StoredGaussians:
 
     @cached_property
     def training(self) -> Training | None:
-        """How training saw the scene, as `read_gaussians` tells it."""
+        """The training's view of the scene, as from `read_gaussians`."""
         from resample_points.files.gaussians.formats import shots_beside
 
         rows = (self._drawable(part) for part in range(len(self.sizes())))
@@ -202,7 +202,7 @@ class StoredGaussians:
         return [min(PART, self.file.count - first) for first in range(0, self.file.count, PART)]
 
     def load(self, part: int, view: View, /) -> Ellipsoids:
-        """Those of a part that can be drawn, with the colors that they have toward the eye."""
+        """Drawable Gaussians of a part, with their colors toward the eye."""
         made = self._drawable(part)
         kept = kept_by(made, self.crop)
         made = made if kept.all() else some_gaussians(made, kept)
@@ -259,7 +259,7 @@ def render_gaussians(
         Linear RGB behind the scene. Gaussians are composited in display values, as they were
         trained, with it as well: the picture is then opaque. None: transparent.
     memory
-        Bytes for what is projected; beyond, windows of the picture are painted one by one.
+        Bytes for projected Gaussians; beyond, windows of the picture are painted one by one.
     threads
         Most threads to use.
 
@@ -363,7 +363,7 @@ def developed(picture: ShapedPicture, background: Sequence[float] | None) -> Fra
 
 
 def shown_part(gaussians: Gaussians | StoredGaussians) -> Cloud:
-    """Return the centers that cameras are framed around: opaque ones, without outliers."""
+    """Return the centers that cameras frame: opaque ones, without outliers."""
     if isinstance(gaussians, Gaussians):
         some = slice(None, None, max(1, len(gaussians.opacity) // FRAMED))
         place, opacity = gaussians.position[some], gaussians.opacity[some]

@@ -1,4 +1,4 @@
-"""Rasters of clouds seen from above, as maps have them: a value per square cell."""
+"""Rasters of clouds seen from above, as in maps: a value per square cell."""
 
 import math
 from collections.abc import Iterator
@@ -106,7 +106,7 @@ def rasterized(
     cloud
         Points; a cloud larger than memory is read in parts.
     quantity
-        `z`; `color`; `intensity`, or the name of another column; `class`, that of the highest or
+        `z`; `color`; `intensity`, or the name of another column; `class`, of the highest or
         nearest point; or `density`, points per square unit.
     height_unit
         Units of z per unit of x and y, which tell a slope from a wall; 111,320 for degrees.
@@ -214,7 +214,7 @@ def _band(
 ) -> Floats:
     """Return values (h, width, C) of rows of cells, from the points on them and around.
 
-    `side`: of bins of points, cells. `is_class`: values are those of single points.
+    `side`: of bins of points, cells. `is_class`: values belong to single points.
     """
     from resample_points.kernels.rasters import DOUBLINGS, fill_cells
 

@@ -62,7 +62,7 @@ def eye_dome(depth: Floats, strength: float, *, extent: float | None = None) -> 
     known = np.isfinite(depth)
     if not known.any():
         return np.ones_like(depth)
-    # What is linear on planes: minus the depth, or the nearness.
+    # Linear on planes: minus the depth, or the nearness.
     if extent is not None:
         near = np.where(known, -depth / np.float32(extent), np.float32(np.nan))
     else:
@@ -81,7 +81,7 @@ def eye_dome(depth: Floats, strength: float, *, extent: float | None = None) -> 
 
 
 def _moved(near: Floats, shift: tuple[int, int]) -> Floats:
-    """Return the picture whose pixels are those a shift away; NaN beyond its edges."""
+    """Return the picture moved by a shift; NaN beyond its edges."""
     height, width = near.shape
     row, column = shift
     moved = np.full_like(near, np.nan)
@@ -415,7 +415,7 @@ def index_cloud(
     style: CloudStyle | None = None,
     threads: int | None = None,
 ) -> Numbers:
-    """Return which point of a cloud each pixel shows.
+    """Return the index of the point that each pixel shows.
 
     The point is visible, and its center is nearest to the nearest surface in the pixel.
 

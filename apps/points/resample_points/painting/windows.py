@@ -1,7 +1,7 @@
 """Render clouds stored in files: project discs in parts, paint tiles in groups.
 
-A first pass counts the discs of each tile. Then consecutive tiles are painted in groups whose discs
-fit into memory; only parts that these tiles show are projected again. Each tile gets the same discs
+A first pass counts the discs of each tile. Then consecutive tiles are painted in groups with
+discs that fit into memory; only parts they show are projected again. A tile gets the same discs
 in the same order as with a cloud in memory: the result is bit-identical.
 """
 
@@ -53,7 +53,7 @@ def paint_in_windows(
 ) -> tuple[Visibility, dict[str, float]]:
     """Paint discs in files; at most `most` bytes of them are in memory.
 
-    Return what is visible of each, and seconds per stage. The canvas is transparent before.
+    Return counts of visible samples, and seconds per stage. The canvas is transparent before.
     """
     from resample_points.kernels.discs import SURFEL
 
@@ -69,7 +69,7 @@ def paint_in_windows(
 
 
 class CloudInFiles(NamedTuple):
-    """A cloud in parts, whose windows are spans of tiles; see `resample.outofcore.ellipsoids`."""
+    """A cloud in parts, with spans of tiles as windows; see `resample.outofcore.ellipsoids`."""
 
     rows: list[slice]  # of the parts
     project: Projector
@@ -81,7 +81,7 @@ class CloudInFiles(NamedTuple):
     touched: Indices = np.zeros((0, 2), np.int64)  # (parts, 2) first and last tile of each
 
     def survey(self, part: slice) -> tuple[Indices, tuple[int, int]]:
-        """Return how many discs of a part each tile has; and the first and last that has any."""
+        """Return the number of a part's discs in each tile, and its first and last tile."""
         from resample.engine.tiles import CHUNKS, count_members
 
         begin, canvas = perf_counter(), self.canvas
@@ -149,7 +149,7 @@ def paint_discs(
     seconds: dict[str, float],
     span: tuple[int, int] = (0, -1),
 ) -> NDArray[np.bool_]:
-    """Paint projected discs on a span of tiles, or on all; return which of them are shown."""
+    """Paint projected discs on a span of tiles, or on all; return flags of visible discs."""
     from resample_points.kernels.discs import Discs, paint
 
     begin = perf_counter()

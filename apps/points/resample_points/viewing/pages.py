@@ -57,7 +57,7 @@ def page_facts(
     begin: Sequence[Choices],
     cloud: Surfels | Cloud,
 ) -> dict[str, Any]:
-    """Return what a page is told of a file, as `FileView.about`.
+    """Return a file's facts for a page, as `FileView.about`.
 
     `films`: options that pictures and films share. `settings`: those that the page begins with;
     `begin`: those that are given. `cloud`: what cameras are framed around.
@@ -87,14 +87,14 @@ class FilmPainter(ABC):
         self._found: Memo = {}  # of the scene that is kept
 
     def kept(self, key: Any, read: Callable[[], Any]) -> Any:
-        """Return what is read with some options, cached until these change."""
+        """Return the data read with some options, cached until these change."""
         if self._kept is None or self._kept[0] != key:
             self._kept, self._found = (key, read()), {}
         return self._kept[1]
 
     @abstractmethod
     def filmed(self, settings: Settings) -> tuple[Filmed, CloudStart, FrameFormat]:
-        """Return what films show, where they start and their format; the options are checked."""
+        """Return a film's scene, start and format; the options are checked."""
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
         return keyframes_as_toml(cameras, {"fov": FIELD, **settings})
@@ -256,7 +256,7 @@ class GaussianPainter(FilmPainter):
         return self.scene(look, options), aim, form
 
     def scene(self, look: CloudOptions, options: GaussianOptions) -> GaussianPictures:
-        """Return the scene, which keeps its previews while its options stay."""
+        """Return the scene, which caches its previews for the same options."""
         given = {**look.model_dump(), **options.model_dump()}
         key = tuple(given[name] for name in READ_WITH)
         kept: GaussianPictures = self.kept(

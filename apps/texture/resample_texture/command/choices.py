@@ -86,7 +86,7 @@ def rectified(
 
 
 class TargetChoices(Choices):
-    """Options that say where a picture goes."""
+    """Options of a warp's target."""
 
     heading: ClassVar[str] = "Target"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
@@ -143,7 +143,7 @@ class WarpGeometry(TargetChoices):
     ] = False
     size: Annotated[
         str | None,
-        Field(description=f"{SIZE} [default: the source's; the map's; or what holds the corners]"),
+        Field(description=f"{SIZE} [default: the source's; the map's; or just holds the corners]"),
     ] = None
 
     def check(self) -> None:
@@ -212,7 +212,7 @@ class WarpGeometry(TargetChoices):
 
 
 class PictureFiltering(Choices):
-    """How texels become pixels."""
+    """Conversion of texels to pixels."""
 
     heading: ClassVar[str] = "Method"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
@@ -248,7 +248,7 @@ class PictureFiltering(Choices):
 
     @property
     def sampling(self) -> dict[str, Any]:
-        """Options of the method, by the names that it has for them."""
+        """Options of the method, by its own names."""
         return self.model_dump(include={"filter", "interpolation", "quality"})
 
     def check(self) -> None:
@@ -265,7 +265,7 @@ class PictureFiltering(Choices):
 
 
 class PictureWarping(PictureFiltering):
-    """How a picture is warped."""
+    """Options of a warp."""
 
     edge: Edge = "transparent"
     total: Annotated[
@@ -322,7 +322,7 @@ class NewSize(TargetChoices):
         str | None,
         Field(
             description="Size in px: 400 for the longer side, 640x480 for width and height; or of "
-            "the picture's: 50%, 0.5 or 2x. [default: that of --width and --height]"
+            "the picture's: 50%, 0.5 or 2x. [default: by --width and --height]"
         ),
     ] = None
     fit: Annotated[
@@ -372,7 +372,7 @@ class NewSize(TargetChoices):
         return None if self.box is None else numbers_in("box", self.box)
 
     def opened(self, warping: Filling) -> Filling:
-        """Return options with which padding shows nothing, unless an edge mode was given."""
+        """Return options that leave padding empty, unless an edge mode was given."""
         is_open = self.fit == "pad" and "edge" not in warping.model_fields_set
         return warping.model_copy(update={"edge": "transparent"}) if is_open else warping
 
@@ -423,7 +423,7 @@ class Rotation(TargetChoices):
 
 
 class Undistortion(TargetChoices):
-    """The lens whose distortion is removed, and the pinhole camera to rectify for."""
+    """Lens for undistortion, and the pinhole camera to rectify for."""
 
     lens: Annotated[
         str, LENS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")
@@ -447,7 +447,7 @@ class Undistortion(TargetChoices):
         Hyphen,
         Field(
             description="Rotation from the camera's axes to the pinhole's: 9 numbers or a file. "
-            "[default: that of the lens file, or none]"
+            "[default: the lens file's, or none]"
         ),
     ] = None
     inverse: Annotated[
@@ -499,7 +499,7 @@ class BetweenProjections(TargetChoices):
         str | None,
         Parameter(name="--from"),
         Field(
-            description="What is given: the picture's projection, equirectangular, "
+            description="Projection of the given picture: equirectangular, "
             "cubemap:layout=row, fisheye:fov=180,model=equidistant, stereographic, cylindrical, "
             "perspective:fov=90. [default: none; must be given]"
         ),

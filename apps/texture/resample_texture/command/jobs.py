@@ -65,7 +65,7 @@ def has_palette(path: Path) -> bool:
 
 
 def _numbers(path: Path) -> tuple[NDArray[np.uint8], Palette] | None:
-    """Read numbers (H, W) as stored, and their palette; None if Pillow has none of them."""
+    """Read numbers (H, W) as stored, and their palette; None if Pillow finds none."""
     from PIL import Image
 
     with decoding(path), Image.open(path) as image:
@@ -136,7 +136,7 @@ class Job:
         output: Path,
         bar: str | None = "warping",
     ) -> tuple[Picture, Floats]:
-        """Warp a picture for a file, which must hold it; also return the coverage of its pixels."""
+        """Warp a picture for a file that can store it; also return the coverage of its pixels."""
         gaps = holds_gaps(output, picture, self.options)
         adds_alpha = takes_alpha(output, self.options)
         given = session, picture, target, self.warping, self.roi
@@ -175,7 +175,7 @@ def warp_all(
             raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")
         output = target
     warping.check()
-    # Pictures of the same size share a target, whose files are read once.
+    # Pictures of the same size share a target; its files are read once.
     job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(outputs.roi))
     coverage, stats = outputs.coverage, outputs.stats
     if coverage is not None:
@@ -225,7 +225,7 @@ def warp_file(
     *,
     shows: bool = True,
 ) -> dict[str, Any]:
-    """Warp the pictures of a file, with a progress bar or not; return what `--stats` writes."""
+    """Warp the pictures of a file, with or without a progress bar; return the `--stats`."""
     frames = frames_of(source, job.warping.encoding)
     if frames is None:
         return _warp_picture(session, source, output, job, coverage, "warping" if shows else None)
@@ -325,7 +325,7 @@ def _warp_large(
 
 
 def _say_lost(about: FileMetadata, made: FileMetadata, output: Path, *, has_nans: bool) -> None:
-    """Report which metadata of a picture its warp loses."""
+    """Report metadata of a picture that its warp loses."""
     before, after = about.geo, made.geo
     if before is not None and before.has_place and not (after is not None and after.has_place):
         say("georeference dropped: the warp is not affine")
@@ -337,7 +337,7 @@ def _say_lost(about: FileMetadata, made: FileMetadata, output: Path, *, has_nans
 def palette_picture(
     source: Place, output: Path, choice: PictureWarping, look: WriteOptions
 ) -> tuple[Picture, Palette] | None:
-    """Return a picture's numbers and their palette; None if it has none or must become colors."""
+    """Return a picture's numbers and palette; None without one, or if it must become colors."""
     if not isinstance(source, Path) or not has_palette(source):
         return None
     method = method_named(choice.method, **choice.sampling)
@@ -358,7 +358,7 @@ def palette_picture(
 
 
 def write_palette_picture(path: Path, picture: Picture, palette: Palette) -> None:
-    """Write numbers with their palette; missing ones become transparent, if there is room."""
+    """Write numbers with their palette; missing ones become transparent, if an entry is free."""
     from PIL import Image, PngImagePlugin
 
     (data, _, about), is_png = picture, path.suffix.lower() == ".png"
@@ -372,7 +372,7 @@ def write_palette_picture(path: Path, picture: Picture, palette: Palette) -> Non
         clear, opacity = len(colors), np.append(opacity, np.uint8(0))
         colors = np.concatenate([colors, np.zeros((1, 3), np.uint8)])
     if clear is None and gaps.any():
-        say(f"{path.name} has no color to spare for what is not covered: that is of color 0")
+        say(f"{path.name} has no free palette entry; uncovered pixels get color 0")
     index = np.where(gaps, clear or 0, np.nan_to_num(data[..., 0])).astype(np.uint8)
     image = Image.frombytes("P", index.shape[::-1], np.ascontiguousarray(index).tobytes())
     image.putpalette(colors.tobytes())

@@ -206,7 +206,7 @@ class Large:
         return parts_of(self.form, self._drawing(*rows)[0])
 
     def _drawing(self, first: int, count: int) -> tuple[Drawing, tuple[slice, slice]]:
-        """Return the drawing for a strip of rows, and the part of it that they take."""
+        """Return the drawing for a strip of rows, and their part of it."""
         left, top, width, _ = self.roi
         roi, choice = (left, top + first, width, count), self.choice
         geometry, shape, part = within(self.target.places, self.target.shape, roi, self.method)
@@ -227,7 +227,7 @@ class Large:
 
     @cached_property
     def loaded(self) -> LoadedPicture:
-        """The part of the picture that is shown; sRGB-encoded if encoded values are warped."""
+        """The visible part of the picture; sRGB-encoded if encoded values are warped."""
         size = self.form.shape[:2]
         seen = Rect(0, 0, size[1], size[0])
         if self.parts is None or self.parts.mixed is None:
@@ -355,7 +355,7 @@ class Flyover:
 
 @dataclass(frozen=True)
 class FlightOptions:
-    """How frames are painted: method, edge mode and background."""
+    """Options of frames: method, edge mode and background."""
 
     method: Method
     edge: Edge = Edge.TRANSPARENT

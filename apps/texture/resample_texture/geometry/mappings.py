@@ -180,12 +180,12 @@ class Homography:
 
 
 class TargetRegion(NamedTuple):
-    """A rectangle of a larger target, whose pixels are bit-identical to the whole's."""
+    """A rectangle of a larger target, bit-identical to the whole's pixels."""
 
     whole: Homography  # from the source to that target
     left: int  # px
     top: int
-    shape: Size  # of that target: height, width
+    shape: Size  # of the target: height, width
     size: Size | None = None  # of the source, if only a part of it is given
     first: tuple[int, int] = (0, 0)  # column and row of the source at which that part begins
 
@@ -229,7 +229,7 @@ class ForwardMap:
         return cls(x + moves[..., 0], y + moves[..., 1])
 
     def inverse(self, shape: Size, *, tolerance: float = 1e-3) -> "BackwardMap":
-        """Return the map back: where each pixel of a target comes from, of a smooth map.
+        """Return the inverse of a smooth map: the source position of each target pixel.
 
         Parameters
         ----------
@@ -313,7 +313,7 @@ class BackwardMap:
     def from_function(
         cls, function: Callable[[Any, Any], Any], shape: Size, *, first: float = 0.5
     ) -> "BackwardMap":
-        """Return the map of a function from x and y of pixels to those of the source.
+        """Return the map of a function from x and y of pixels to x and y of the source.
 
         Parameters
         ----------
@@ -367,7 +367,7 @@ class BackwardMap:
         return cls(places[..., 0], places[..., 1])
 
     def inverse(self, source_shape: Size, *, tolerance: float = 1e-3) -> ForwardMap:
-        """Return where each texel of a source (height, width) goes; see `ForwardMap.inverse`."""
+        """Return target positions of texels (height, width); see `ForwardMap.inverse`."""
         return ForwardMap(*inverse_of(self.x, self.y, source_shape, tolerance))
 
 
@@ -418,7 +418,7 @@ def pixel_centers(shape: tuple[int, ...]) -> tuple[Doubles, Doubles]:
 
 
 def _keep_pair(given: ForwardMap | BackwardMap, name: str) -> None:
-    """Store a map's arrays as float64, not a number in both or in none."""
+    """Store a map's arrays as float64, with NaN in both or in neither."""
     x, y = np.asarray(given.x), np.asarray(given.y)
     _check_pictures(x, y, name)
     x, y = contiguous(x, np.float64), contiguous(y, np.float64)
@@ -462,7 +462,7 @@ def _step(position: Doubles, axis: int) -> Doubles:
 def inverse_of(
     x: Doubles, y: Doubles, shape: Size, tolerance: float = TOLERANCE
 ) -> tuple[Doubles, Doubles]:
-    """Return where a map (h, w) takes the value of each pixel center of a picture, or NaN."""
+    """Return positions where a map (h, w) has the value of each pixel center, or NaN."""
     from scipy import ndimage
 
     if not tolerance > 0.0:
@@ -471,7 +471,7 @@ def inverse_of(
     if not is_known.any():
         return np.full(shape, np.nan), np.full(shape, np.nan)
     wanted = np.stack([a.ravel() for a in np.meshgrid(*(np.arange(n) + 0.5 for n in shape[::-1]))])
-    # Start at the center of the pixel of the map whose value lies next to each pixel's center.
+    # Start at the map's pixel with the value nearest to each pixel's center.
     row, column = np.nonzero(is_known)
     there = np.floor(np.stack([y[row, column], x[row, column]]))
     high = np.array(shape)[:, None] - 1
@@ -488,7 +488,7 @@ def inverse_of(
 
 
 def points_back(x: Doubles, y: Doubles, wanted: Doubles) -> Doubles:
-    """Return where a map (h, w) takes the values (2, N); not a number where it does not."""
+    """Return positions where a map (h, w) has the values (2, N); NaN if nowhere."""
     from scipy.spatial import cKDTree
 
     row, column = np.nonzero(np.isfinite(x))
@@ -501,7 +501,7 @@ def points_back(x: Doubles, y: Doubles, wanted: Doubles) -> Doubles:
 
 
 def points_along(x: Doubles, y: Doubles, place: Doubles) -> Doubles:
-    """Return the values of a map (h, w) at places (2, N), px; not a number beyond its edges."""
+    """Return the values of a map (h, w) at places (2, N), px; NaN beyond its edges."""
     is_known = np.isfinite(x)
     if not is_known.any():
         return np.full(place.shape, np.nan)
@@ -514,7 +514,7 @@ def points_along(x: Doubles, y: Doubles, place: Doubles) -> Doubles:
 
 
 def _found(x: Doubles, y: Doubles, place: Doubles, wanted: Doubles, tolerance: float) -> Doubles:
-    """Return where a map has the wanted values, from places (2, N) nearby; else not a number."""
+    """Return positions where a map has the wanted values, from places (2, N) nearby, or NaN."""
     values, steps, known = _spline(np.stack([x, y]), np.isfinite(x) & np.isfinite(y))
     # Move places to where the map has the wanted values, by Newton's method.
     miss = np.full(place.shape[1], np.inf)

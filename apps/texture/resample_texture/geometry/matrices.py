@@ -113,7 +113,7 @@ def _full(matrix: ArrayLike) -> Doubles:
 
 
 def resizing(source_shape: tuple[float, float], shape: Size) -> Homography:
-    """Return the map from a picture's whole area to that of a target (height, width)."""
+    """Return the map from a picture's whole area to a target's (height, width)."""
     (source_height, source_width), (height, width) = source_shape, shape
     return Homography(np.diag([width / source_width, height / source_height, 1.0]))
 
@@ -224,7 +224,7 @@ def rectified_shape(corners: ArrayLike) -> tuple[int, int]:
 
 
 def _checked(points: ArrayLike, name: str) -> Doubles:
-    """Return four points, refusing three on a line."""
+    """Return four points; reject three on a line."""
     given = np.asarray(points, np.float64)
     if given.shape != (4, 2):
         raise ValueError(f"the {name} has four points, (4, 2), not {given.shape}")
@@ -238,7 +238,7 @@ def _checked(points: ArrayLike, name: str) -> Doubles:
 
 
 def _spans(ring: Doubles) -> tuple[float, float]:
-    """Return how far right lies from left, and bottom below top, by the sides' means."""
+    """Return the distances of right from left and bottom from top, by the sides' means."""
     top_left, top_right, bottom_right, bottom_left = ring
     rightward = top_right + bottom_right - top_left - bottom_left
     downward = bottom_left + bottom_right - top_left - top_right

@@ -29,11 +29,11 @@ LAYOUTS = {  # column and row of each face
     "cross": ((2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (3, 1)),
     "3x2": ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)),
 }
-CAP = 8  # rows of a panorama around each pole that are shown by a picture of that pole, ...
+CAP = 8  # rows of a panorama around each pole that a picture of the pole shows, ...
 PIXELS = 4.0  # ... or so many pixels of the target, if that is more
-FINE = 2  # texels of that picture per row
+FINE = 2  # texels of the pole's picture per row
 EXTRA = 8  # texels around it
-AROUND = 2.0  # px around a fisheye's circle whose directions are known
+AROUND = 2.0  # px around a fisheye's circle with known directions
 FISHEYES: dict[str, tuple[float, Callable[[Any], Any], Callable[[Any], Any]]] = {
     # Widest circle, degrees; the distance of an angle, rad, in focal lengths; and the way back.
     "equidistant": (360.0, lambda angle: angle, lambda distance: distance),
@@ -61,7 +61,7 @@ class Tile(NamedTuple):
 
 
 class PictureProjection(Protocol):
-    """How directions lie in a picture (height, width)."""
+    """Mapping of directions to a picture (height, width)."""
 
     def check(self, shape: tuple[int, int]) -> None:
         """Reject an impossible size by a `ValueError`."""
@@ -70,27 +70,27 @@ class PictureProjection(Protocol):
         """Return the smooth parts of the picture."""
 
     def shows(self, place: Doubles, shape: tuple[int, int]) -> NDArray[np.bool_]:
-        """Whether places (..., 2) are of the picture, or beside it, as round a fisheye's circle."""
+        """Whether places (..., 2) belong to the picture, not the margin of a fisheye's circle."""
 
     def rays(self, place: Doubles, shape: tuple[int, int], tile: int) -> Doubles:
-        """Directions (..., 3) of places (..., 2) on and around a part; not a number: of none."""
+        """Directions (..., 3) of places (..., 2) on and around a part; NaN: no direction."""
 
     def places(self, ray: Doubles, shape: tuple[int, int], tile: int) -> Doubles:
-        """Places (..., 2) of directions (..., 3), on and around a part; not a number: nowhere."""
+        """Places (..., 2) of directions (..., 3), on and around a part; NaN: nowhere."""
 
 
 class _Whole:
-    """A projection that fills its picture, in one part unless it says otherwise."""
+    """A projection that fills its picture, by default in one part."""
 
     def check(self, shape: tuple[int, int]) -> None:
-        """Take any size."""
+        """Accept any size."""
 
     def tiles(self, shape: tuple[int, int]) -> list[Tile]:
         """Return the whole picture."""
         return [Tile(0, 0, shape[1], shape[0])]
 
     def shows(self, place: Doubles, shape: tuple[int, int]) -> NDArray[np.bool_]:  # noqa: ARG002
-        """Take all places."""
+        """Accept all places."""
         return np.ones(place.shape[:-1], np.bool_)
 
 

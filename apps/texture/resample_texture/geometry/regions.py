@@ -1,4 +1,4 @@
-"""Regions of pictures: what lies beyond edges, copied texels, and windows of a large target."""
+"""Regions of pictures: edge modes, copied texels, and windows of a large target."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -12,14 +12,14 @@ from resample.types import Doubles, Floats, Indices
 from resample_texture.geometry.mappings import BackwardMap, Homography, Size, TargetRegion
 
 FARTHEST = 2.0**52  # px or texels; beyond it float64 has no halves
-MOST_TWICE = 1.5  # source texels of both halves over those of the whole; above, windows stay whole
+MOST_TWICE = 1.5  # source texels of both halves over the whole's; above, windows stay whole
 LEFT, TOP, RIGHT, BOTTOM = range(4)
 
 Integers = NDArray[np.int64]
 
 
 class Edge(StrEnum):
-    """Edge modes: what lies beyond the source's edges.
+    """Edge modes: continuation beyond the source's edges.
 
     Examples
     --------
@@ -51,7 +51,7 @@ class Picks(NamedTuple):
     coverage: Floats  # (h, w); 0 where no texel is shown
 
     def of(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return the copied values (h, w) or (h, w, C), 0 where there is no texel."""
+        """Return the copied values (h, w) or (h, w, C), 0 without a texel."""
         values = np.array(image[self.row, self.column])
         values[self.coverage == 0.0] = 0
         return values
@@ -110,7 +110,7 @@ def picks_of_move(move: Move, source_shape: Size, shape: Size, edge: Edge) -> Pi
 
 
 def nearest_texels(x: Doubles, y: Doubles, source_shape: Size, edge: Edge) -> Picks:
-    """Return the texels that hold places, (h, w) each; none where these are not numbers."""
+    """Return the texels at places, (h, w) each; none where these are NaN."""
     is_place = (abs(x) < FARTHEST) & (abs(y) < FARTHEST)
     places = (np.floor(np.where(is_place, a, 0.0)).astype(np.int64) for a in (y, x))
     (row, row_is_in), (column, column_is_in) = (
@@ -120,7 +120,7 @@ def nearest_texels(x: Doubles, y: Doubles, source_shape: Size, edge: Edge) -> Pi
 
 
 def texels_at(index: Indices, size: int, edge: Edge) -> tuple[Indices, NDArray[np.bool_]]:
-    """Return the texels at indices under an edge mode, and whether there is one."""
+    """Return the texels at indices under an edge mode, and whether they exist."""
     if edge is Edge.WRAP:
         return index % size, np.ones(index.shape, np.bool_)
     if edge is Edge.MIRROR:

@@ -1,4 +1,4 @@
-"""Warping methods: points, splats, the hybrid, and texels as they are (group `methods`)."""
+"""Warping methods: points, splats, the hybrid, and nearest texels (group `methods`)."""
 
 import math
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from resample_texture.texels.forward import CellGrid
     from resample_texture.texels.gather import GatherPlan, MixedTiles
 
-MOST_AROUND = 1 << 30  # px of a target, all of whose blocks are looked for, for a region of it
+MOST_AROUND = 1 << 30  # px of a target with all blocks searched, for a region of it
 LARGEST_QUALITY = 16.0
 # Rms errors of white noise from 0 to 1 under the area filter, in the worst of 60 views, and from
 # which quality on they hold.
@@ -62,8 +62,8 @@ class Hybrid:
         Instead of a quality: the rms error, as a share of the source's range, that white noise may
         have, 0.0007 or more. Pictures have far less.
     average
-        `always`: a pixel is the mean over all that it covers. `shrinking`: only where it covers
-        more than a texel is it a mean, of what it covers beyond that; elsewhere it is the
+        `always`: a pixel is the mean over its footprint. `shrinking`: only where it covers
+        more than a texel is it a mean, over the excess; elsewhere it is the
         interpolation's value at its center, as OpenCV, SciPy and scikit-image have it. Forward maps
         average always.
 
@@ -194,7 +194,7 @@ class Hybrid:
         return _clamped(warped, source) if self.clamp else warped
 
     def planned(self, source_shape: Size, geometry: Geometry, shape: Size, edge: Edge) -> Method:
-        """Return a method for sources (height, width) and one target, with its plan made now.
+        """Return a method for sources (height, width) and one target, with its plan.
 
         Raises
         ------
@@ -219,7 +219,7 @@ class Hybrid:
 
     @property
     def cells(self) -> "CellGrid":
-        """How texels are split into cells, and how cells are spread over pixels."""
+        """Splitting of texels into cells, and spreading of cells over pixels."""
         from resample_texture.texels.forward import CellGrid
 
         quality = self.quality
@@ -259,7 +259,7 @@ class _Partly:
 
 @dataclass(frozen=True)
 class _Planned:
-    """A hybrid with a plan made before."""
+    """A hybrid with a precomputed plan."""
 
     method: Hybrid
     plan: "GatherPlan"
@@ -456,7 +456,7 @@ def _check_clamp(clamp: bool, total: bool) -> None:
 
 
 def _build(method: Any, name: str, group: str) -> None:
-    """Turn the name of a plugin that a method was given into the plugin's object."""
+    """Turn a method's plugin name into the plugin's object."""
     object.__setattr__(method, name, plugin_of(group, getattr(method, name), name))
 
 

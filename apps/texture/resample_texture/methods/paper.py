@@ -29,7 +29,7 @@ from resample_texture.texels.splatting import (
 )
 from resample_texture.types import Edge, Warped
 
-MOST_AT_ONCE = 1 << 18  # texels whose records are in memory together
+MOST_AT_ONCE = 1 << 18  # texels with records in memory together
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ Texels are float32, linear light or plain values, multiplied by alpha and by whe
 so that transparent or missing texels do not affect the color of neighbours. Only uint8 and uint16
 may be sRGB-encoded pictures, uint16 only where that is said; all other types are plain values.
 
-Channels that mark where values exist are warped like any other; a pixel's mean is then that of the
+Channels that mark where values exist are warped like any other; a pixel's mean is then over the
 existing values. Where less than half of a pixel's part of the source has a value, the value is
 missing in the result, so that gaps keep their size.
 
-What people see, and what a camera's curve has made, are levels: these are interpolated. What a
-pixel averages is light. So a pixel hardly longer than a texel is interpolated in levels, one of
+Vision and cameras' curves work in levels, so levels are interpolated. A
+pixel averages light. So a pixel hardly longer than a texel is interpolated in levels, one of
 `LONG` texels or more is a mean of light, and between these both are mixed.
 """
 
@@ -32,7 +32,7 @@ VALUES = (
     "bool", "int8", "int16", "int32", "int64", "uint32", "uint64", "float16", "float32", "float64",
 )  # fmt: skip
 DTYPES = (*LEVELS, *VALUES)
-COMPLEX = ("complex64", "complex128")  # whose parts are warped as two channels
+COMPLEX = ("complex64", "complex128")  # parts are warped as two channels
 STEPS = 65535  # of linear light, in the table for encoding 8 bits
 WIDE = ("int32", "int64", "uint32", "uint64", "float64")
 COMFORTABLE = 60  # exponents of two up to which sums and squares of values fit into float32
@@ -86,7 +86,7 @@ def missing_in(
 
 
 def weighed(texels: Floats, missing: Booleans | None, least: int = 1) -> tuple[Floats, int]:
-    """Append channels that mark where texels (H, W, C) have values, one if all are alike."""
+    """Append channels that mark where texels (H, W, C) have values; one if all are equal."""
     if missing is None:
         return texels, 0
     is_one = least <= 1 and bool((missing == missing[..., :1]).all())
@@ -97,7 +97,7 @@ def weighed(texels: Floats, missing: Booleans | None, least: int = 1) -> tuple[F
 
 
 def mended(warped: Warped, gaps: int) -> Mended:
-    """Return a picture whose coverage counts existing values, not all of the source."""
+    """Return a picture with a coverage of existing values, not all of the source."""
     if gaps == 0:
         return Mended(warped.image, warped.coverage, None)
     values, there = _bounded(warped, gaps)
@@ -120,7 +120,7 @@ def kept(warped: Warped, gaps: int) -> Mended:
 
 
 def _bounded(warped: Warped, gaps: int) -> tuple[Floats, Floats]:
-    """Return values and their weights, limited to 0..coverage, which negative lobes leave."""
+    """Return values and their weights, clamped to 0..coverage against negative lobes."""
     values, there = warped.image[..., :-gaps], warped.image[..., -gaps:]
     coverage = warped.coverage[..., None]
     is_all = np.abs(there - coverage) <= ROUNDED * coverage
@@ -299,7 +299,7 @@ def encoded(
         image = encoding.span.restored(picture, coverage, through, encoding.dtype)
     else:
         if behind is not None:
-            # Composite over the background, whose nans show only through gaps.
+            # Composite over the background; its nans show only through gaps.
             is_partly = coverage < 1.0
             gaps = np.nonzero(is_partly[..., 0] if coverage.shape[2] == 1 else is_partly.any(2))
             if gaps[0].size:
@@ -415,14 +415,14 @@ def complex_of_parts(parts: NDArray[Any], image: NDArray[Any]) -> NDArray[Any]:
 def light_for(
     linear_light: AnyLight | None, dtype: np.dtype[Any], is_encoded: bool | None = None
 ) -> AnyLight:
-    """What is filtered in linear light: by default pixels of encoded levels, as uint8 are."""
+    """Stages filtered in linear light: by default pixels of encoded levels, as uint8 are."""
     if linear_light is not None:
         return linear_light
     return "pixels" if (dtype == np.uint8 if is_encoded is None else is_encoded) else False
 
 
 def in_levels(method: Method) -> Method:
-    """The method as it interpolates levels: a `limit=usual` of its interpolation is `levels`."""
+    """The method for levels: a `limit=usual` of its interpolation becomes `levels`."""
     given: Any = method
     has_own = hasattr(given, "in_levels")
     try:
@@ -481,7 +481,7 @@ def share_of_levels(
 
 
 def _projected_shares(method: Method, geometry: ForwardMap, shape: Size) -> Floats:
-    """Share of levels in pixels (height, width) along a forward map: texels bring their own."""
+    """Share of levels in pixels (height, width) along a forward map, from the texels' shares."""
     along_x, along_y = (
         np.gradient(part) if min(part.shape) > 1 else np.zeros((2, *part.shape))
         for part in (geometry.x, geometry.y)
@@ -505,7 +505,7 @@ def _projected_shares(method: Method, geometry: ForwardMap, shape: Size) -> Floa
 
 
 def spared(share: Floats, levels: Floats, geometry: Geometry, shape: Size) -> Floats:
-    """`share_of_levels` that is 1, too, where light would hardly differ from levels (H, W, C)."""
+    """`share_of_levels`, raised to 1 where light hardly differs from levels (H, W, C)."""
     from resample_texture.texels.gather import places_of
     from resample_texture.texels.kernels.gather import (
         Differences,

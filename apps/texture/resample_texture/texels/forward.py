@@ -59,7 +59,7 @@ ONE = np.ones(1, np.float32)
 
 @dataclass(frozen=True)
 class CellGrid:
-    """How texels are split into cells, and how each cell is spread over pixels."""
+    """Splitting of texels into cells, and spreading of cells over pixels."""
 
     pixel_filter: PixelFilter = field(default_factory=Area)
     interpolation: Interpolation = field(default_factory=AreaSpline)
@@ -130,7 +130,7 @@ def texels(
 
 
 def kinds_of(axes: Integers) -> frozenset[int]:
-    """Return which texels the blocks read; see `kind_of`."""
+    """Return the kinds of texels that blocks read; see `kind_of`."""
     is_cut = axes[:, :, CUT] > 1
     return frozenset(np.unique(is_cut[:, 0] + 2 * is_cut[:, 1]).tolist())
 
@@ -205,8 +205,8 @@ def blocks_of(
     axes, bounds, is_whole = split_plane(matrix, roots, shape, *sizes)
     if not is_whole:
         raise ValueError(
-            "the matrix stretches texels without limit near the camera's plane; give one whose "
-            "numbers are closer to each other, or keep that part out of the frame"
+            "the matrix stretches texels without limit near the camera's plane; give one with "
+            "numbers closer to each other, or keep that part out of the frame"
         )
     return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING)
 
@@ -227,7 +227,7 @@ def with_margins(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
 
 
 def check_texels(polygon: Doubles, source_shape: Size) -> None:
-    """Reject to draw a continued source texel by texel if too much of it is visible."""
+    """Reject a continued source drawn texel by texel if too much of it is visible."""
     x, y = polygon.T
     area = 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
     if area > max(MOST_TEXELS, source_shape[0] * source_shape[1]):
@@ -320,7 +320,7 @@ class PointSums:
 
 
 def spread_of(cells: CellGrid) -> FilterTaps:
-    """Return how cells are spread over pixels, as kernels take it."""
+    """Return the spreading of cells over pixels, for kernels."""
     return FilterTaps(cells.taps, bool(cells.is_sum), profile_table(cells.pixel_filter, cells.taps))
 
 
@@ -373,7 +373,7 @@ def needs_totals(axes: Integers, source_shape: Size, edge: Edge) -> bool:
 
 
 class TexelReader(Protocol):
-    """A source whose texels are read on demand."""
+    """A source with texels that are read on demand."""
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -548,7 +548,7 @@ class SourcePart(NamedTuple):
         return (*self.size, self.texels.shape[2])
 
     def read(self, rows: Integers, columns: Integers) -> Floats:
-        """Read texels, see `TexelReader`; others than held are not shown."""
+        """Read texels, see `TexelReader`; texels outside the part are not visible."""
         held, (left, top) = self.texels, self.first
         rows, columns = np.clip(rows - top, 0, len(held) - 1), columns - left
         return np.ascontiguousarray(held[rows][:, np.clip(columns, 0, held.shape[1] - 1)])
@@ -596,7 +596,7 @@ def plates_of(
 
 
 def _empty_flat(shape: Size, channels: int, rows: int) -> Floats:
-    """Space for a rectangle's numbers, and zeros for `rows` that are read beyond the last."""
+    """Allocate a rectangle's numbers, and zeros for `rows` read beyond the last."""
     height, width = max(shape[0], 0), max(shape[1], 0)
     count, spare = height * width * channels, (SPARE + rows * width) * channels
     flat = np.empty(count + spare, np.float32)
@@ -631,7 +631,7 @@ def filtered_grid(
 
 
 def _continued(source: SourcePart, sides: Sides, edge: Edge, spare: int = 0) -> Floats:
-    """Return the texels of a rectangle of the continued plane, row by row, with rows to spare."""
+    """Return the texels of a rectangle of the continued plane, row by row, with extra rows."""
     height, width, channels = source.texels.shape
     rows = texels_at(np.arange(*sides.down), source.size[0], edge) - source.first[1]
     columns = texels_at(np.arange(*sides.across), source.size[1], edge) - source.first[0]

@@ -88,7 +88,7 @@ class GatherPlan(NamedTuple):
     places: Plane | Map
     tiles: TargetTiles
     around: TargetTiles  # of the whole target if the picture is a region of it, or `tiles`
-    axes: SeparablePlan | None  # of a warp along the axes, whose tiles all gather
+    axes: SeparablePlan | None  # of a warp along the axes: all tiles gather
 
 
 def planned(
@@ -156,7 +156,7 @@ class Far(NamedTuple):
     """Projection of texels to far tiles, and the part of the picture that it fills."""
 
     geometry: Homography  # source to a rectangle, the same for all parts of a target
-    shape: Size  # of that rectangle
+    shape: Size  # of the rectangle
     wanted: forward.Bounds  # part of it
     part: tuple[slice, slice]  # of the picture
 
@@ -194,7 +194,7 @@ def visible_tiles(
 
 
 def _visible(tiles: TargetTiles, edge: Edge, cells: forward.CellGrid) -> VisibleTiles:
-    """Return the source bounds of near tiles; those of others are empty."""
+    """Return the source bounds of near tiles; empty bounds for others."""
     reach = prefilter(cells.interpolation).size // 2 + math.ceil(cells.interpolation.radius) + 3
     nothing = np.array([math.inf, math.inf, -math.inf, -math.inf])
     bounds = np.where(tiles.is_near[:, None], tiles.extent.bounds, nothing)
@@ -209,7 +209,7 @@ class MixedTiles(NamedTuple):
     far: Far
     edge: Edge
     cells: forward.CellGrid
-    axes: SeparablePlan | None = None  # of a warp along the axes, all of whose tiles are far
+    axes: SeparablePlan | None = None  # of a warp along the axes: all tiles are far
 
     def projected(self, reader: forward.TexelReader) -> Warped:
         """Project the texels of a source that is read on demand to the far tiles."""
@@ -223,7 +223,7 @@ def mixed_tiles(
     source_shape: tuple[int, int, int], geometry: Homography, shape: Size, edge: Edge,
     cells: forward.CellGrid,
 ) -> MixedTiles | None:  # fmt: skip
-    """Split tiles into near and far ones, for a source read in parts; None if that cannot be."""
+    """Split tiles into near and far ones, for a source read in parts; None if impossible."""
     plan = planned(source_shape[:2], geometry, shape, edge, cells)
     if plan.axes is not None and plan.axes.is_long:
         nowhere = np.zeros(len(plan.tiles.bounds), np.bool_)
@@ -303,7 +303,7 @@ def _sides(low: Doubles, high: Doubles, reach: int) -> forward.Sides:
 
 
 def _view(form: tuple[int, ...], edge: Edge, cells: forward.CellGrid) -> GridView:
-    """Return how pixels gather from a source (H, W, C), still without its texels."""
+    """Return a view for gathering from a source (H, W, C), still without its texels."""
     height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
     finest = float(1.5 / cells.quality)
@@ -333,7 +333,7 @@ def collect_from(
     sums = forward.PointSums(shape, source.shape[2], cells)
     ready = forward.texels(source, cells.interpolation, edge, frozenset({3})).both
     reach = int(np.ceil(cells.reach)) + 1
-    around = 0 if cells.taps == 0 else reach  # px around the picture whose points extend into it
+    around = 0 if cells.taps == 0 else reach  # px around the picture, with points extending into it
     map_u, map_v = (extended(a + margin, around + 1) for a in (geometry.x, geometry.y))
     tiles = tiles_of((shape[0] + 2 * around, shape[1] + 2 * around), TILE)
     bounds = tiles + np.array([-reach, -reach, reach, reach])

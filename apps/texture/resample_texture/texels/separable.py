@@ -60,7 +60,7 @@ class Weights(NamedTuple):
     prefilter: Floats  # of the texels, along this axis
 
     def ends(self, other: "Weights | None" = None) -> tuple[int, int]:
-        """First texel that is read, also by others, and last + 1."""
+        """First texel that is read, also by other pixels, and last + 1."""
         first, last = int(self.first.min()), int(self.first.max()) + self.table.shape[1]
         if other is None:
             return first, last
@@ -189,7 +189,7 @@ def _whole_plan(
 
 
 def weigh(plan: SeparablePlan, source: SourcePart, edge: Edge, cells: CellGrid) -> Warped:
-    """Warp a source (H, W, C), or a part of one that holds all that pixels read."""
+    """Warp a source (H, W, C), or a part of it with all texels that pixels read."""
     if plan.is_long:
         return weigh_in_blocks(plan, source, edge)
     down, across, limits_down, limits_across, beside_down, beside_across = plan
@@ -280,7 +280,7 @@ def _weights(
         first, table = side_weights(interpolation, low, high)
     taps = prefilter(interpolation)
     if taps.size > 1 and (side > 1.0 or of_texels):
-        # Turn weights of coefficients into those of texels.
+        # Turn weights of coefficients into weights of texels.
         exact, many = exact_prefilter(interpolation), table.shape[1]
         wide = np.zeros((len(table), many + exact.size - 1))
         for n, tap in enumerate(exact.tolist()):

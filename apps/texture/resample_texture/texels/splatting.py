@@ -37,7 +37,7 @@ LEAST, MOST = 0.01, 16.0  # texels and px, of a deviation
 
 @dataclass(frozen=True)
 class Splatting:
-    """How wide splats are and which texels are splats."""
+    """Width of splats, and threshold for splats."""
 
     sigma: float = 0.5  # standard deviation of a splat, texels
     filter_sigma: float = 0.5  # and of the pixel filter that splats are spread by, px
@@ -58,11 +58,11 @@ class Splatting:
 
     @property
     def radius(self) -> float:
-        """How far a splat reaches in the source, texels."""
+        """Radius of a splat in the source, texels."""
         return math.sqrt(RIM) * self.sigma
 
     def shape(self, matrix: Doubles) -> Shape:
-        """All of it as numbers, for a matrix (3, 3) from source to target."""
+        """The options as numbers, for a matrix (3, 3) from source to target."""
         taps = max(1, math.ceil(2.0 * self.filter_of_points.radius))
         # Numbers may be given as integers.
         widths = float(self.sigma**2), float(self.filter_sigma**2), float(self.threshold)
@@ -78,7 +78,7 @@ def check_deviations(sigma: float, filter_sigma: float) -> None:
 
 def nearest_drawn(matrix: Doubles, radius: float) -> float:
     """Third coordinate from which on texels are drawn as splats of this radius, texels."""
-    # Twice its radius from the plane of the eye J may be half of what it is at the center.
+    # Twice its radius from the plane of the eye J may be half of its value at the center.
     return max(2.0 * radius, 0.5) * math.hypot(matrix[2, 0], matrix[2, 1])
 
 
@@ -94,7 +94,7 @@ def forward_of(geometry: Geometry, source_shape: Size) -> Forward:
 def splat(
     source: Floats, geometry: Geometry, shape: Size, edge: Edge, splatting: Splatting
 ) -> Warped:
-    """Picture (height, width) of a source (H, W, C) whose texels are splats or points."""
+    """Picture (height, width) of a source (H, W, C) with texels as splats or points."""
     geometry = forward_of(geometry, (source.shape[0], source.shape[1]))
     coefficient = source
     if splatting.interpolating:
@@ -114,7 +114,7 @@ def splat(
         numbers, x, y = splatting.shape(matrix), forward.NOTHING, forward.NOTHING
         reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
         around = splat_view_bounds(matrix, shape, reach, splatting.radius)
-        # Draw the source, or all that is seen of its continuation.
+        # Draw the source, or the visible part of its continuation.
         root = np.array([0, 0, width, height])
         if edge is not Edge.TRANSPARENT:
             polygon, root = forward.visible_polygon(around, forward.FARTHEST), np.zeros(4, np.int64)
@@ -141,7 +141,7 @@ def splat(
 
 
 def splat_view_bounds(matrix: Doubles, shape: Size, reach: float, radius: float) -> Doubles:
-    """Lines (5, 3) that bound the texels' centers whose splats a frame shows; see `view_bounds`."""
+    """Lines (5, 3) that bound the centers of texels with visible splats; see `view_bounds`."""
     lines = view_bounds_of(matrix, shape, reach)
     # With J as at its center, a splat reaches no farther on screen than the source does within
     # radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MESHES", "picture", "picture_view", "suits", "view"]
 PICTURES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
-MESHES = (".obj", ".glb", ".gltf")  # files of meshes, whose page another package has
+MESHES = (".obj", ".glb", ".gltf")  # files of meshes; another package has their page
 __getattr__ = attributes(__name__, {"picture": "pictures", "picture_view": "pictures"})
 
 

@@ -64,7 +64,7 @@ class PicturePainter:
         return PagePicture(levels_of(shown, "color"), True, self._view(target))
 
     def _view(self, target: PictureTarget) -> dict[str, Any]:
-        """Return how places of the picture, px, come to the target, if a matrix tells it."""
+        """Return the mapping of the picture's places, px, to the target, if it is a matrix."""
         if not isinstance(target.geometry, Homography):
             return {}
         matrix = target.geometry.oriented(self.scene.image.shape[:2])
@@ -103,7 +103,7 @@ class PicturePainter:
         _write(self.path, {**settings, "size": f"{size[0]}x{size[1]}"}, path)
 
     def __copy__(self) -> "PicturePainter":
-        """Painter of another page, which reads the picture anew."""
+        """Painter for another page, which reads the picture again."""
         return PicturePainter(self.path)
 
     def _target(self, settings: Settings, size: Size) -> tuple[PictureTarget, PictureWarping]:

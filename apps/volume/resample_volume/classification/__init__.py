@@ -1,6 +1,6 @@
 """Transfer functions: presets, files, labels, and statistics behind them."""
 
-# Names, which help texts tell without loading what has them.
+# Names for help texts, without loading their modules.
 # For data of any kind, or for the volume that they are named after.
 # fmt: off
 PRESETS = ("bone", "vessels", "engine", "lobster", "checker", "gray", "surfaces", "paper-engine",

@@ -38,7 +38,7 @@ RAMP: list[tuple[float, Color, float]] = [(0.0, CLAY, 0.0), (0.2, SAND, 0.5), (1
 
 # Thin soft material is a veil in front of dense material.
 SOFT, VEIL = (0.45, 0.62, 0.4), 0.15
-SOLID = 0.5  # fraction of a body's voxels whose neighbours are all of it
+SOLID = 0.5  # fraction of a body's voxels with all neighbours in it
 DIP = 0.9  # greatest valley before a soft material's peak, of the peak's height
 MOST_SOFT = 3.0  # ratio to dense voxels: a larger one is an embedding medium
 MOST_AROUND = 0.01  # share of the border that may be soft: more is the surroundings
@@ -51,13 +51,13 @@ NEAR_ZERO = 0.1  # of the larger side, within which half of all voxels must be
 NOISE, LEAST_START, MOST_START = 4.0, 0.08, 0.35  # standard deviations; of the larger side
 
 # Thin, faint structure away from dense material, such as small vessels: noise is `SURE` standard
-# deviations from what is around it, and never less than a fraction of the range.
+# deviations from its surroundings, and never less than a fraction of the range.
 SURE, LEAST_NOISE = 5.0, 0.02
 APART, FRIENDS = 2, 4  # voxels between dense and faint ones; least faint ones in 3 x 3 x 3
-WIDTH, MOSTLY = 4, 0.5  # voxels; fraction of what is faint that must be as thin along two axes
+WIDTH, MOSTLY = 4, 0.5  # voxels; fraction of faint structure that must be as thin along two axes
 LEAST_FAINT = 2e-5  # of all voxels
 FAINT = 0.4  # its opacity
-# Hot spots in a body of a value of its own, as of positron emission: dense voxels are few.
+# Hot spots in a uniform body, as in positron emission: dense voxels are few.
 BODY, MOST_HOT, BODY_DEPTH = (0.45, 0.55, 0.7), 0.02, 0.7  # color; share; the body's opacity
 MOST_CUT = 0.2  # share of the border at which the body is cut
 
@@ -165,7 +165,7 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
 def _signed(known: Survey) -> TransferFunction:
     """Return blue below zero, red above, and nothing around it, where there may be noise."""
     limit = max(-known.low, known.high)
-    away = known.levels.value != 0  # what is outside of a measured region
+    away = known.levels.value != 0  # voxels outside of a measured region
     size = np.abs(known.levels.value[away])
     order = np.argsort(size)
     total = np.cumsum(known.levels.number[away][order])
@@ -474,7 +474,7 @@ def load_transfer(name: str | Path) -> Transfer:
         the data and with an opacity that rises from 0 to 1, of diverging ones (RdBu, coolwarm) from
         0 in the middle, which is zero if values have both signs; or a .json or .toml file.
         After all but a file `:opacity=0.2,low=0.3` multiplies all opacities (0..1) and makes
-        transparent what is below a value (for functions of fractions 0..1 of the data's range);
+        transparent values below a limit (for functions of fractions 0..1 of the data's range);
         `color=tomato` takes one color, and `gradient=0.1,0.5` fades homogeneous regions, as in
         `classify`. Several materials are joined by +: `skin:opacity=0.1+bone`.
 

@@ -28,7 +28,7 @@ MANTISSAS: tuple[tuple[float, ...], ...] = ((1, 2, 5), (1,))
 
 @dataclass(frozen=True)
 class LogScale:
-    """Logarithms to the base 10, or those of matplotlib's `SymLogNorm` in units of its threshold.
+    """Logarithms to the base 10, or matplotlib's `SymLogNorm` in units of its threshold.
 
     Examples
     --------
@@ -65,7 +65,7 @@ class LogScale:
         place = float(self.scaled(np.array(value)))
         if not math.isfinite(place):
             raise ValueError(
-                f"{what} {value:g} has no logarithm; on the scale log give what is above 0, or "
+                f"{what} {value:g} has no logarithm; on the scale log give values above 0, or "
                 "take the scale symlog"
             )
         return place

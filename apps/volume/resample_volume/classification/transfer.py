@@ -1,8 +1,8 @@
 """Transfer functions of values, by control points, and of values and gradients, by regions.
 
 Kniss, Kindlmann and Hansen, Multidimensional Transfer Functions for Interactive Volume Rendering,
-2002. A boundary between two materials is an arch over their values, whose gradient is highest in
-the middle; so a region of high gradients shows a surface whose values also occur elsewhere.
+2002. A boundary between two materials is an arch over their values, with the highest gradient in
+the middle; so a region of high gradients shows a surface even if its values also occur elsewhere.
 """
 
 import math
@@ -55,7 +55,7 @@ class Transfer(Protocol):
         """
 
     def steepest(self, steep: float) -> float:
-        """Return the slope above which looks do not change; `steep` is that of a full surface."""
+        """Return the slope above which looks do not change; `steep`: slope of a full surface."""
 
     def thinned(self, share: float) -> Self:
         """Return the function with all opacities multiplied."""
@@ -214,7 +214,7 @@ def tabulated(
 ) -> TransferTable:  # fmt: skip
     """Tabulate looks by value (K columns) and slope (G rows), changed by `changed`.
 
-    Rows go from 0 to the slope above which looks do not change; `steep` is that of a full surface.
+    Rows go from 0 to the slope above which looks do not change; `steep`: slope of a full surface.
     `unit` is the thickness that opacities refer to, scene units.
     """
     low, high = data_range
@@ -553,7 +553,7 @@ class RegionTransfer:
 
 @dataclass(frozen=True)
 class Faded:
-    """A transfer function whose opacity rises between two gradient lengths.
+    """A transfer function with opacity that rises between two gradient lengths.
 
     They are fractions of the lengths' 99th percentile, so that only surfaces remain.
     """

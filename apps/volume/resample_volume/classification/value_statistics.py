@@ -58,7 +58,7 @@ PADDING_GAP = 1.0  # distance of padding, of the range of the others
 CT_PADDING_GAP = 0.2  # the same where the others look like computed tomography
 NO_LEVELS = Histogram(np.zeros(0), np.zeros(0, np.int64))
 FEW = 16  # distinct values: fewer are labels without padding
-MOST_LABELS, SHARE_EQUAL = 255, 0.8  # values, and equal neighbours, of what may be labels
+MOST_LABELS, SHARE_EQUAL = 255, 0.8  # values, and equal neighbours, of possible labels
 PADDINGS = 4  # distinct values of padding, at most
 
 
@@ -146,7 +146,7 @@ class Survey(NamedTuple):
 
     @property
     def is_plain(self) -> bool:
-        """Whether the robust range is that of all finite values."""
+        """Whether the robust range is the range of all finite values."""
         return self.span == self.whole
 
 
@@ -197,7 +197,7 @@ def findings(known: Survey) -> list[str]:
         )
     if known.units.is_assumed:
         name = known.units.name
-        lines.append(f"values look like {name} and are taken for them (--units none: they are not)")
+        lines.append(f"values look like {name}, so they are assumed to be; if not, --units none")
     if known.units.added is not None:
         inside = known.levels.value > METAL + known.units.added
         if metal := int(known.levels.number[inside].sum()):

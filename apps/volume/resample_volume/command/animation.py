@@ -139,7 +139,7 @@ def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -
 
 @dataclass(frozen=True)
 class FrameOptions:
-    """How frames are painted, and their background."""
+    """Options and background of frames."""
 
     resampler: Resampler = BY_DEFAULT
     size: tuple[int, int] = (400, 400)  # height and width, px
@@ -154,7 +154,7 @@ def shots(
     subject: Subject, cameras: Sequence[AnyCamera], paint: FrameOptions,
     about: Mapping[str, Any] | None = None, facts: Mapping[str, Any] | None = None,
 ) -> Shots:  # fmt: skip
-    """Return the frames of a volume, and everything that they depend on."""
+    """Return the frames of a volume, and all their dependencies."""
     numbers = [np.concatenate([np.ravel(part) for part in each.view()]) for each in cameras]
     job = {
         **(about or {}),
@@ -187,7 +187,7 @@ def frame_of(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels
 
 
 def around(seen: Sequence[tuple[bool, Sphere]]) -> Sphere:
-    """Return the bounding sphere of spheres, without those of empty scenes if one is not empty."""
+    """Return the bounding sphere of spheres; empty scenes' are ignored if one is not empty."""
     spheres = [sphere for is_empty, sphere in seen if not is_empty] or [one[1] for one in seen]
     center = np.array([sphere.center for sphere in spheres])
     radius = np.array([[sphere.radius] for sphere in spheres])
@@ -209,7 +209,7 @@ class Script(NamedTuple):
 
 
 # Statistics over all times of a volume without levels, their look without labels, meshes and
-# planes, and the sphere around all that is visible.
+# planes, and the sphere around the visible part.
 TimesStatistics = tuple[Survey, Appearance, Sphere]
 
 

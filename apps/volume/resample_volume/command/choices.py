@@ -38,7 +38,7 @@ optional, off, several = (partial(described, default) for default in (None, Fals
 
 
 class ReadOptions(Choices):
-    """How the input is read, where the file alone does not tell."""
+    """Options for reading the input, where the file does not state them."""
 
     heading: ClassVar[str] = "Input"
     about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
@@ -66,8 +66,8 @@ class ReadOptions(Choices):
         "(OME-Zarr, zarr)]"
     )
     level: int | None = optional(
-        "Level of detail; 0 is the finest. Of a multiscale OME-Zarr, whose "
-        "levels info lists. [default: 0]",
+        "Level of detail; 0 is the finest. Of a multiscale OME-Zarr; its "
+        "levels are listed by info. [default: 0]",
         ge=0,
     )
     units: Literal["hu", "hu+1024", "none"] | None = optional(
@@ -133,7 +133,7 @@ class AppearanceChoices(Choices):
     fov: flags.FieldOfView = 30.0
     up: flags.Up = "z"
     fit: Annotated[Literal["visible", "volume"], flags.under(flags.CAMERA)] = described(
-        "visible", "How the picture is filled: by what is visible, or by the whole volume."
+        "visible", "How the picture is filled: by the visible part, or by the whole volume."
     )
     shading: Annotated[bool, Lit] = described(
         True, "Light surfaces: by the light that --light gives."
@@ -231,7 +231,7 @@ class AppearanceChoices(Choices):
         return resampler
 
     def appearance(self, volume: "Volume", resampler: "Resampler | None" = None) -> "Appearance":
-        """Return the look of the voxels for a renderer; None: one that composites."""
+        """Return the look of the voxels for a renderer; None: a compositing one."""
         from resample.painting.choices import MEASURING, Projection
         from resample_volume.appearance import (
             MU_WATER,
@@ -391,14 +391,14 @@ class PictureExtras(FilmExtras):
     zoom_in: Annotated[bool, flags.Switch] = off(
         "Zoom and pan so that everything visible fills the picture, and print "
         "that camera. The zoom of --camera multiplies it. Without --camera, --fit and lines "
-        "in space, what is visible fills most of it."
+        "in space, the visible part fills most of it."
     )
     deep: int | None = optional(
         "Write a deep .exr with this many slabs of depth instead of one layer.", ge=1, le=1024
     )
 
     def fit(self, look: AppearanceChoices) -> "Fitted":
-        """Return what the camera is fitted to."""
+        """Return the object that the camera frames."""
         if self.zoom_in:
             return "picture"
         is_free = look.camera == FROM_ABOVE and look.fit == "visible"

@@ -82,7 +82,7 @@ def opened_of_several(
 def of_first_channel(
     source: ReadOptions, read: Callable[[ReadOptions], Found]
 ) -> tuple[Found, ReadOptions]:
-    """Read what shows one volume; of several channels the first, with a message."""
+    """Read a single volume; of several channels the first, with a message."""
     try:
         return read(source), source
     except recordings.SeveralChannelsError:
@@ -173,7 +173,7 @@ def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
 
 
 def held(source: ReadOptions, name: str, *, streamed: bool = False) -> Recording:
-    """Open all times and channels of a name; of a chunked file unread, where `streamed`."""
+    """Open all times and channels of a name; chunked files stay unread if `streamed`."""
     place, reader = _named(source, name)
     if streamed and (found := open_streamed(place, reader)) is not None:
         return changed(source, found)
@@ -228,7 +228,7 @@ def prepared(
 
 
 def note_assumed(found: Volume | Recording) -> None:
-    """Say once in a command what was assumed of lengths, if anything was."""
+    """Report once per command the assumptions about lengths, if any."""
     if line := recordings.assumed(found):
         note(line)
 
@@ -330,7 +330,7 @@ def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     if source.channel is not None:
         if 1 in values.shape[:2]:
             return None  # a single channel is chosen, or the channels are times
-        recordings.volume_at(recording, 0, source.channel)  # refuses what there is not
+        recordings.volume_at(recording, 0, source.channel)  # rejects missing times and channels
         at = source.channel % values.shape[1]
         in_file = chunked(recording)
         one = values[:, at : at + 1] if in_file is None else in_file.only(at)

@@ -176,7 +176,7 @@ def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | No
     if frame.value is None or (frame.value > 0).any():
         return None
     is_below = projection is Projection.ADDITIVE and (frame.value < 0).any()
-    why = "no ray meets anything that attenuates"
+    why = "no ray meets an attenuating voxel"
     if projection is Projection.ADDITIVE:
         why = "all sums are below 0" if is_below else "all sums are 0"
     hint = ""

@@ -28,7 +28,7 @@ def in_unit(volume: Volume, unit: str) -> Volume:
 
 
 def assumed(volume: Volume | Recording) -> str:
-    """Return what was assumed of a volume's lengths, for messages; empty if they are stated."""
+    """Return assumptions about a volume's lengths, for messages; empty if stated."""
     if volume.length == UNKNOWN and volume.space == "lps":
         return "no unit of length is stated; mm are assumed"
     return ASSUMED.get(volume.length, "")
@@ -54,7 +54,7 @@ class SeveralChannelsError(ValueError):
 
 
 def how(what: str, count: int) -> str:
-    """Return the hint how to choose one of several.
+    """Return a hint how to choose one of several.
 
     >>> how("time", 3)
     'choose one by time, 0 to 2 (--time 0; in Python open_volume(..., time=0))'

@@ -43,7 +43,7 @@ def rectilinear(
 
     Returns
     -------
-    The volume; its `note` says what was done.
+    The volume; its `note` describes the conversion.
 
     Raises
     ------

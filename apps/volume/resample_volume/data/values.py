@@ -77,7 +77,7 @@ def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[Pl
     thick = BRICK * max(1, CHUNK // max(1, BRICK * plane))
     many = thick * plane
     while begin < index.size:
-        # Within this many planes voxels come in any order, but before those of the next planes.
+        # Within this many planes voxels come in any order, but before the next planes' voxels.
         number = int(index[begin]) // many
         end = bisect_left(index, number + 1, begin, key=lambda n: n // many)
         above = max(0, number * thick - 1)
@@ -105,7 +105,7 @@ class StatisticsCache(Protocol):
     """Stores statistics of values for later commands."""
 
     def load(self, bricks: "Bricks") -> scanning.BrickStats | None:
-        """Return the stored statistics; None if there are none that are valid."""
+        """Return the stored statistics; None if missing or invalid."""
 
     def state(self) -> str | None:
         """Return the state of the file, to notice changes; None if they may go unnoticed."""
@@ -157,7 +157,7 @@ class Bricks(BrickArray):
         return copy
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process needs; of the statistics only the ends of bricks."""
+        """Return the state that another process needs; of the statistics only the bricks' ends."""
         known = {"ends": self.ends} if {"ends", "statistics"} & self.__dict__.keys() else {}
         state = super().__getstate__() | known | {"helpers": None}
         return {name: part for name, part in state.items() if name != "statistics"}
@@ -191,7 +191,7 @@ class Bricks(BrickArray):
         return kept is not None
 
     def range(self) -> tuple[float, float]:
-        """Return the least and greatest finite value; infinite where there is none."""
+        """Return the least and greatest finite value; infinite if none is finite."""
         least, greatest = self.ends
         return float(least.min()), float(greatest.max())
 
@@ -233,7 +233,7 @@ Stored = NDArray[Any] | Bricks  # values of a volume
 
 @dataclass(frozen=True, eq=False)
 class ArrayValues:
-    """An array in memory, with what `Bricks` tell of their values."""
+    """An array in memory, with the statistics that `Bricks` have."""
 
     array: NDArray[Any]
     bytes_to_load = 0
@@ -296,7 +296,7 @@ class ArrayValues:
 
 
 def values_of(stored: Stored) -> ArrayValues | Bricks:
-    """Return values with what can be asked of arrays and of bricks alike."""
+    """Return values with the common interface of arrays and bricks."""
     return stored if isinstance(stored, Bricks) else ArrayValues(stored)
 
 
@@ -309,7 +309,7 @@ def bricks_of(volume: Volume) -> Bricks:
 
 
 def with_bricks(volume: Volume, bricks: Any) -> Volume:
-    """Return a volume with other bricks, or with what has their interface."""
+    """Return a volume with other bricks, or an object with their interface."""
     return volume._replace(values=bricks)
 
 
@@ -319,7 +319,7 @@ def is_streamed(volume: Volume) -> bool:
 
 
 def as_arrays(volumes: Sequence[Volume]) -> list[Volume]:
-    """Do `as_array` for the volumes of a scene; they share the memory limit by size."""
+    """Apply `as_array` to the volumes of a scene; they share the memory limit by size."""
     sizes = [values_of(volume.values).bytes_to_load for volume in volumes]
     found = []
     for volume, size in zip(volumes, sizes, strict=True):

@@ -94,7 +94,7 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
         spacing, direction = _lattice(slices, places)
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
     known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
-    # Note what was assumed of the slices.
+    # Note assumptions about the slices.
     one, lines = slices[0], []
     if _is_negative(one.dataset) and _units(one.dataset):
         lines.append("MONOCHROME1: low values are meant to be white, --invert shows projections so")
@@ -120,7 +120,7 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
 
 
 def is_dicom(file: Path) -> bool:
-    """Return whether a file's content is DICOM; its name often does not tell."""
+    """Return whether a file's content is DICOM, whatever its name."""
     if not file.is_file():
         return False
     with file.open("rb") as opened:
@@ -227,7 +227,7 @@ def _numbers(dataset: Any, frame: int, where: tuple[str, str], otherwise: Any) -
 
 
 def _between(dataset: Any, frame: int) -> float:
-    """Return the distance of slices if their positions do not tell it; 0: nothing tells it."""
+    """Return the distance of slices if their positions do not state it; 0: unknown."""
     for key in ("SpacingBetweenSlices", "SliceThickness"):
         step = _numbers(dataset, frame, ("PixelMeasuresSequence", key), (0,))[0]
         if step > 0 and math.isfinite(step):
@@ -368,7 +368,7 @@ def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:
 
 
 def whole(dataset: Any, key: str, otherwise: int | None = None) -> int:
-    """Return an integer of a header; `otherwise` if there is none."""
+    """Return an integer of a header; `otherwise` if missing."""
     given = dataset.get(key)
     if given in (None, "") and otherwise is not None:
         return otherwise
@@ -382,7 +382,7 @@ def whole(dataset: Any, key: str, otherwise: int | None = None) -> int:
 
 
 def text(dataset: Any, key: str) -> str:
-    """Return a text of a header, the first of several; empty if there is none."""
+    """Return a text of a header, the first of several; empty if missing."""
     given = dataset.get(key) or ""
     return given if isinstance(given, str) else str(next(iter(given), ""))
 
@@ -402,7 +402,7 @@ def numbers(given: Any, key: str, *counts: int) -> Doubles:
 
 
 def _shown(given: Any) -> str:
-    """Return what was given, in short."""
+    """Return the given path, shortened."""
     return "missing" if given in (None, "") else f"{str(given)!r:.40}"
 
 

@@ -191,7 +191,7 @@ def fetch(name: str, *, folder: str | Path | None = None, base_url: str | None =
     `name`: one of `available()`. `folder`: folder to keep it in; None: HYBRID_RESAMPLE_DATA, or the
     user's cache. `base_url`: address of a mirror of the raw files; None: their public home. Result:
     path of a header for `open_volume`, with the raw file beside it. Raises LookupError: the name is
-    unknown. Raises ValueError: the download differs from what the collection lists. It is not kept.
+    unknown. Raises ValueError: the download differs from the collection's list. It is not kept.
     Raises OSError: the server cannot be reached, or refuses; or the folder cannot be written.
     """
     from resample.files.public import download, place_of

@@ -56,7 +56,7 @@ def header(
     origin: ArrayLike = (0, 0, 0),
     direction: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
 ) -> VolumeHeader:
-    """Make a header, and reject what is not a scalar volume.
+    """Make a header, and reject anything but a scalar volume.
 
     The lengths of the columns of `direction` move to the spacing, which preserves all positions.
     """
@@ -265,7 +265,7 @@ def voxels(stored: VoxelData, known: VolumeHeader) -> NDArray[Any]:
     count, rest = divmod(known.size, len(stored.paths))
     if rest:
         raise ValueError(
-            f"{known.name}: its voxels are no equal parts of {len(stored.paths)} files"
+            f"{known.name}: its voxels do not divide evenly among {len(stored.paths)} files"
         )
     for n, path in enumerate(stored.paths):
         _fill(target[n * count : (n + 1) * count], path, stored, known.dtype)

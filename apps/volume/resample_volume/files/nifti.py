@@ -1,8 +1,8 @@
 """NIfTI-1 and NIfTI-2 in one file (nifti.nimh.nih.gov), with positions as in ITK.
 
-Its coordinates are RAS; they are converted to LPS, like those of other formats. Of its two
+Its coordinates are RAS; they are converted to LPS, like other formats' coordinates. Of its two
 transforms, the affine one (sform) is used if it is of the scanner, or the only one; spacings are
-those of pixdim, unless its columns have other lengths or are sheared.
+taken from pixdim, unless its columns have other lengths or are sheared.
 """
 
 import gzip
@@ -80,7 +80,7 @@ TO_LPS = np.diag([-1.0, -1.0, 1.0])
 class Nifti(OneOfAll):
     """NIfTI-1 or -2 in a single file; slope and intercept are applied and give floats.
 
-    Its coordinates are RAS; they are converted to LPS, like those of other formats.
+    Its coordinates are RAS; they are converted to LPS, like other formats' coordinates.
     """
 
     space: ClassVar[str] = "lps"
@@ -173,7 +173,7 @@ def _header(fields: Any, path: Path, name: str) -> VolumeHeader:
     slope, inter = float(fields["slope"]), float(fields["inter"])
     if not math.isfinite(slope) or not math.isfinite(inter):
         note.append(
-            f"scl_slope {slope:g} and scl_inter {inter:g} are no scale: values are as stored"
+            f"scl_slope {slope:g} and scl_inter {inter:g} are not a scale: values are as stored"
         )
     known = header(size[:3], kind, name, spacing=spacing, origin=origin, direction=direction)
     order: Literal["<", ">"] = ">" if fields.dtype["dim"].base.byteorder == ">" else "<"
@@ -191,7 +191,7 @@ def _header(fields: Any, path: Path, name: str) -> VolumeHeader:
 
 
 def _place(fields: Any) -> tuple[tuple[Doubles, Doubles, Doubles], list[str]]:
-    """Return spacing, origin and direction, LPS; and what was chosen, for messages."""
+    """Return spacing, origin and direction, LPS; and the choice made, for messages."""
     spacing = np.array([float(str(size)) for size in fields["pixdim"][1:4]])  # 0.65, not 0.64999998
     affine = np.array(fields["srow"], np.float64)
     q, s = int(fields["qform"]), int(fields["sform"])

@@ -107,9 +107,7 @@ class Nrrd(OneOfAll):
         if not apart and len(size) == 4 and vectors and vectors[0] is None:
             apart = [0]  # unlike the last one, which is time
         if len(apart) > 1:
-            raise ValueError(
-                f"{path.name} has {len(apart)} axes that are none of space; it may have 1"
-            )
+            raise ValueError(f"{path.name} has {len(apart)} axes other than space; it may have 1")
         space = [axis for axis in range(len(size)) if axis not in apart]
         axes = _Axes(space, apart[0] if apart else None, size)
         known = _header(told.value, axes, path, name)
@@ -231,7 +229,7 @@ def _place(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[Doubles, 
     if not steps:
         return _along_axes(value, axes, path)
     if any(step is None for step in steps):
-        raise ValueError(f"{path.name}: its space directions are none along x, y or z")
+        raise ValueError(f"{path.name}: its space directions lack x, y or z")
     name = value.get("space", "").lower()
     sign = np.array(next((SIGNS[key] for key in SIGNS if name.startswith(key)), (1.0, 1.0, 1.0)))
     every = np.array(steps) * sign

@@ -138,7 +138,7 @@ class Npy(OneOfAll):
             values = read_npy(path, mapped=True)
         except DamageError as error:
             raise ValueError(
-                f"{path.name} is no array of numbers, or cut off: {error.reason}"
+                f"{path.name} is not an array of numbers, or cut off: {error.reason}"
             ) from None
         return recording_of(values, name, self.spacing, check)
 

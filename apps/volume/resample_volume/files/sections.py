@@ -290,7 +290,7 @@ class Sections:
             named = Named(label, WIDTHS[key], is_of_cells, False)
             array = self._array(named, WIDTHS[key] * wanted, self.word(words, 2))
         else:
-            raise ValueError(f"{self.name} is damaged: {words[0]!r:.40} is no word of its format")
+            raise ValueError(f"{self.name} is damaged: unknown keyword {words[0]!r:.40}")
         return [array] if array.named.parts else []
 
     def _array(self, named: Named, count: int, kind: str) -> Array:
@@ -317,7 +317,7 @@ class Sections:
         """Parse a count from a word of a line."""
         word = self.word(words, place)
         if not (word.isascii() and word.isdecimal() and len(word) < 19):
-            raise ValueError(f"{self.name} is damaged: {word!r:.40} is no count of numbers")
+            raise ValueError(f"{self.name} is damaged: {word!r:.40} is not a count of numbers")
         return int(word)
 
     def word(self, words: list[str], place: int) -> str:

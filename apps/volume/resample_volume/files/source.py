@@ -211,7 +211,7 @@ def generate(spec: str) -> Volume:
             chosen[key] = type(known[key])(value)
         except (KeyError, ValueError):
             takes = registry.described(GENERATED[name])
-            raise ValueError(f"{spec}: {part!r} is no parameter; {name} takes {takes}") from None
+            raise ValueError(f"{spec}: {part!r} is not a parameter; {name} takes {takes}") from None
     return GENERATED[name](**chosen)
 
 
@@ -331,7 +331,7 @@ def write_volume(path: Path, volume: Volume) -> None:
             save_array(temporary, volume.values)
             return
         if volume.values.ndim != 3 or volume.values.dtype.name not in KEPT:
-            raise OSError(f"{path}: {volume.values.dtype} {volume.values.shape} is no volume")
+            raise OSError(f"{path}: {volume.values.dtype} {volume.values.shape} is not a volume")
         if suffix == ".nrrd":
             from resample_volume.files.nrrd import write_nrrd
 

@@ -55,7 +55,7 @@ def check_nrrd_numbers(path: Path, value: Mapping[str, str]) -> None:
     fields = {key.replace(" ", ""): text for key, text in value.items()}
     _check_lengths(path)
     if "dimension" not in fields:
-        return  # the reader reports what is wrong
+        return  # the reader reports the error
     axes = _dimensions(path, "dimension", fields["dimension"])
     for key in NRRD_NUMBERS:
         if key in fields:
@@ -158,7 +158,7 @@ def files_named(path: Path, data: str) -> list[Path]:
         pattern, *numbers = data.split()
         if not PATTERN.fullmatch(pattern) or not numbers:
             raise ValueError(
-                f"{path.name}: {data!r:.60} is no pattern of names; give one such as a%03d.raw 1 "
+                f"{path.name}: {data!r:.60} is not a pattern of names; give one like a%03d.raw 1 "
                 "99 1"
             )
         first, last, step = (whole(path, word) for word in [*numbers, *"111"][:3])
@@ -203,7 +203,7 @@ def numbers(file: BinaryIO, count: int, dtype: np.dtype[Any], name: str) -> NDAr
 
 
 def skip_numbers(file: BinaryIO, count: int, name: str) -> None:
-    """Skip numbers; errors as in `numbers`, but for words that are none."""
+    """Skip numbers; errors as in `numbers`, except for words that are not numbers."""
     check_length(file, count, name)
     for _ in _batches(file, count, name):
         pass
@@ -269,7 +269,7 @@ def spacing_of(spacing: Numbers) -> tuple[tuple[float, ...], str]:
         return three_numbers("spacing", spacing), ""
     unit, by = unit_of_length(found[2])
     if not unit:
-        raise ValueError(f"{found[2]!r:.20} is no unit of length; give {', '.join(SCALES)}")
+        raise ValueError(f"{found[2]!r:.20} is not a unit of length; give {', '.join(SCALES)}")
     return tuple(times(number, by) for number in three_numbers("spacing", found[1])), unit
 
 

@@ -40,7 +40,7 @@ MICROMETERS = "µm"  # of OME, if it names no unit
 PIXELS = "pixel"  # of ImageJ, likewise
 USUAL = (1.0, 72.0, 96.0)  # dots per inch, of no scanner
 COMMON = {"in": "inch", "inch": "inch", "cm": "cm"}  # units of tags
-FLAT = "no distance of slices is stated; that of columns is assumed"
+FLAT = "no distance of slices is stated; the columns' is assumed"
 
 
 class Page(NamedTuple):
@@ -107,7 +107,7 @@ def stack_facts(page: Page, count: int, parts: int, name: str, *, is_alone: bool
         return found._replace(times=1, channels=1, slices=0, looks=(), pages=(), note=note)
     sizes = (found.times, found.channels, found.slices or count)
     if min(sizes) < 1 or not np.isfinite(found.line).all():
-        raise ValueError(f"{name}: its sizes or its calibration are no numbers; correct its header")
+        raise ValueError(f"{name}: its sizes or calibration are not numbers; correct its header")
     said = math.prod(sizes)
     if said != count or (parts > 1 and found.channels > 1):
         raise ValueError(
@@ -156,7 +156,7 @@ def _of_ome(text: str, count: int, parts: int, name: str) -> StackFacts:
 
 
 def _lengths(pixels: "Element", name: str) -> tuple[tuple[float, ...], str]:
-    """Return spacing, and its unit: that of x."""
+    """Return spacing, and x's unit."""
     given = [pixels.get(f"PhysicalSize{axis}") for axis in AXES]
     if None in given[:2]:
         return (1.0, 1.0, 1.0), VOXEL
@@ -224,7 +224,7 @@ def _of_imagej(page: Page, count: int) -> StackFacts:
     slices = whole("slices", 0) or (count if frames * channels == 1 else 1)
     facts = StackFacts(frames, channels, slices, "CZT", line=(number("c0", 0), number("c1", 1)))
     if number("cf", 0):
-        note = "its calibration of values is no line and is not applied"
+        note = "its calibration of values is not linear and is not applied"
         facts = facts._replace(line=(0.0, 1.0), note=note)
     words = [told.get("unit", COMMON.get(page.unit, PIXELS))]
     words += [told.get(f"{axis}unit", words[0]) for axis in "yz"]
@@ -331,7 +331,7 @@ def _straight(pixels: NDArray[Any], spec: Any) -> NDArray[Any]:
 class TiffStack(OneOfAll):
     """A folder of gray pictures, sorted by number, or one multi-page file.
 
-    Sizes, times and channels are those of OME-TIFF or ImageJ; other pictures have none.
+    Sizes, times and channels are from OME-TIFF or ImageJ; other pictures have none.
     """
 
     spacing: Numbers = ""  # instead of the file's

@@ -51,7 +51,7 @@ from resample_volume.files.texts import Numbers, numbers, steps_of
 from resample_volume.types import Recording, Volume
 
 BLOCK = 1 << 16  # bytes parsed at a time
-APPENDED = "AppendedData"  # what follows its beginning is no XML
+APPENDED = "AppendedData"  # data after its start are not XML
 WHOLE = ("ImageData", "RectilinearGrid", "StructuredGrid")  # elements that pieces fill
 ARRAYS = ("DataArray", "Array")
 NUMBER = re.compile(r"-?\d{1,12}", re.ASCII)
@@ -82,7 +82,7 @@ def elements_of(content: mmap) -> list[Element]:
     def begin(name: str, attributes: dict[str, str]) -> None:
         every.append(Element(name, attributes, parser.CurrentByteIndex))
         if name == APPENDED:
-            raise StopIteration  # what follows is no XML
+            raise StopIteration  # the rest is not XML
         around.append(every[-1])
         parser.CharacterDataHandler = place
 
@@ -119,7 +119,7 @@ def check_blocks(path: Path) -> None:
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         every = elements_of(content)
         if not every:
-            raise ValueError(f"{path.name} is damaged: it is no XML")
+            raise ValueError(f"{path.name} is damaged: it is not XML")
         size, attributes = len(content), every[0].attributes
         number = "<Q" if attributes.get("header_type") == "UInt64" else "<I"
         if attributes.get("byte_order") == "BigEndian":
@@ -273,7 +273,7 @@ def grid_of(path: Path, reader_name: str, check: Callable[[Path], None] | None =
         _refuse(failures, path.name)
         attributes = reader.GetOutputInformation(0)
         extents = vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()
-        if attributes.Has(extents):  # else it is no grid; the caller rejects it
+        if attributes.Has(extents):  # else it is not a grid; the caller rejects it
             first, last = np.reshape(attributes.Get(extents), (3, 2)).T.tolist()
             count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
             require_memory(count, path.name)  # at least a byte per voxel
@@ -299,7 +299,7 @@ def arrays_of(grid: Any) -> list[tuple[Named, Any]]:
     found = []
     for of_cells, held in ((False, grid.GetPointData()), (True, grid.GetCellData())):
         for n in range(held.GetNumberOfArrays()):
-            if array := held.GetArray(n):  # texts are none
+            if array := held.GetArray(n):  # None for texts
                 told = str(held.GetArrayName(n)), array.GetNumberOfComponents()
                 found.append((Named(*told, of_cells, array is held.GetScalars()), array))
     return found
@@ -339,7 +339,7 @@ def _check_end(path: Path) -> None:
         while block := file.read(1 << 20):
             content, end, _ = block.partition(b"<")
             if not BASE64.fullmatch(content):
-                _refuse(["letters that are none of base64"], path.name)
+                _refuse(["characters outside base64"], path.name)
             if end:
                 return
 
@@ -404,7 +404,7 @@ class _Lattice(NamedTuple):
 def _lattice(found: Sections) -> _Lattice:
     """Read the header of the lattice, up to the first array of points or cells."""
     if found.dataset not in ("structured_points", "rectilinear_grid"):
-        known = "nothing that is known; known are STRUCTURED_POINTS, RECTILINEAR_GRID and grids"
+        known = "unknown; known are STRUCTURED_POINTS, RECTILINEAR_GRID and grids"
         why = OTHERS.get(found.dataset, known)
         raise ValueError(f"{found.name} holds {found.dataset.upper()[:40]!r}, {why}")
     # Read numbers by key, and coordinates of planes
@@ -448,7 +448,7 @@ class Vtk(OneOfAll):
     array: str = ""  # name of the array; empty: the first of SCALARS, or the only one of scalars
     part: str = ""  # magnitude: lengths of the array's vectors
 
-    spacing: Numbers = ""  # of that lattice, as 0.5 or 1x1x2; empty: the mean size of cells
+    spacing: Numbers = ""  # of the lattice, as 0.5 or 1x1x2; empty: the mean size of cells
 
     suffixes: ClassVar[tuple[str, ...]] = (".vtk",)
 
@@ -472,7 +472,7 @@ class Vtk(OneOfAll):
                 return read
             if spacing:
                 raise ValueError(
-                    f"{found.name} is no grid of cells, which spacing of the reader "
+                    f"{found.name} is not a grid of cells, which spacing of the reader "
                     f"{wanted.reader} is for: leave it out, or give --spacing, which takes the "
                     "place of the file's"
                 )

@@ -43,12 +43,12 @@ class SplattedVoxels(NamedTuple):
 
 
 class PickedField(NamedTuple):
-    """A field, and what is picked in it."""
+    """A field, and the target of picking."""
 
     spline: SplineField
-    known: Flags  # as of `LatticeField`
+    known: Flags  # as in `LatticeField`
     classifiers: int  # transfer functions beside each other in the table
-    table: Floats  # (G, L K, 4) as of `Classifier`
+    table: Floats  # (G, L K, 4) as in `Classifier`
     low: float
     high: float
     steep: float
@@ -93,7 +93,7 @@ def _meet(
     splatted: SplattedVoxels, rays: PickingRays, n: int, axis: int, k: int, waiting: Waiting,
     count: int,
 ) -> int:  # fmt: skip
-    """Queue the voxels of slice k across an axis whose kernels ray n meets."""
+    """Queue the voxels of slice k across an axis with kernels that ray n meets."""
     origin, direction, size = _vector(rays.origin, n), _vector(rays.direction, n), splatted.size
     one, two = (axis + 1) % 3, (axis + 2) % 3
     strides = (1, size[0], size[0] * size[1])
@@ -111,7 +111,7 @@ def _meet(
             along = ((b - u) * direction[one] + (c - v) * direction[two]) / speed
             away = ((b - u) ** 2 + (c - v) ** 2 - along**2) / splatted.radius**2
             at = depth + along / speed
-            # Keep visible voxels whose kernel the ray meets between its ends.
+            # Keep visible voxels with a kernel that the ray meets between its ends.
             if splatted.extinction[voxel] > 0 and away < 1 and rays.first[n] <= at <= rays.last[n]:
                 deeper = splatted.deeper
                 own = splatted.nearest + k * deeper[axis] + b * deeper[one] + c * deeper[two]
@@ -223,7 +223,7 @@ def _voxel_at(place: Vector, shape: Size) -> int:
 
 @kernel
 def _in_field(looked: PickedField, rays: PickingRays, n: int, level: float) -> Found:
-    """Voxel around which ray n meets what is picked."""
+    """Voxel around which ray n meets the target."""
     # Step along the ray, several times per voxel.
     origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
     step = 1 / (STEPS * math.sqrt(dot(direction, direction)))
@@ -272,7 +272,7 @@ SHADED = 4096  # voxels that a thread takes at a time
 
 TINY = 1e-300  # keeps divisions finite
 FRACTION_BITS, BIAS = 52, np.int32(1023)  # of float64
-UP_TO_ONE = 0x00095F619980C433  # from the bits of √½ to those of 1
+UP_TO_ONE = 0x00095F619980C433  # from the bits of √½ to the bits of 1
 LEAST = -1000.0  # exponent of 2
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)  # unsigned indices
 SERIES = tuple(math.log(2) ** n / math.factorial(n) for n in range(8))  # of 2 ** x
@@ -375,7 +375,7 @@ def _envelope(away: Indices, stack: Indices) -> int:
         # Skip places without a known voxel.
         if away[n] < 0:
             continue
-        # Pop places whose parabola is hidden by those before and after.
+        # Pop places with a parabola hidden by its neighbours'.
         while count >= 2:
             last, before = stack[count - 1], stack[count - 2]
             a, b = last - before, n - last
@@ -459,7 +459,7 @@ Step = tuple[int, int, int]  # z, y, x
 
 @kernel
 def _next_place(index: int, before: int, at: Step, size: Step) -> Step:
-    """Voxel of a flat index, given that of the previous index: mostly in the same row."""
+    """Voxel of a flat index, given the previous index's: mostly in the same row."""
     x = at[2] + index - before
     if 0 <= x < size[2]:
         return at[0], at[1], x
@@ -508,7 +508,7 @@ def place(index: Indices, size: Step, lattice: Doubles, origin: Doubles, positio
 
 @kernel
 def _mean(behind: float, ahead: float) -> float:
-    """Mean of two differences, of which those that are not finite are left out; NaN if both are."""
+    """Mean of the finite ones of two differences; NaN if neither is."""
     if not math.isfinite(ahead):
         return behind if math.isfinite(behind) else math.nan
     return 0.5 * (ahead + behind) if math.isfinite(behind) else ahead

@@ -114,7 +114,7 @@ class VolumePainter:
         return VolumePainter(self.volume, self.first, self.others)
 
     def parsed(self, settings: views.Settings) -> VolumeRequest:
-        """Return the request that options make; errors as of the command."""
+        """Return the request that options make; errors as in the command."""
         look, resampling, extras, picture = chosen(settings, SHOWN)
         resampler = look.renderer(resampling, self.volume.scale)
         resampler = self._resamplers.setdefault(resampler, resampler)
@@ -165,7 +165,7 @@ class VolumePainter:
         return views.PagePicture(levels, quick, told)
 
     def check(self, settings: views.Settings) -> None:
-        """Reject options that are not allowed; errors as of `frame`."""
+        """Reject options that are not allowed; errors as in `frame`."""
         self.parsed(settings).choices.viewpoint()
 
     def save(self, settings: views.Settings, size: views.Size, path: Path) -> None:
@@ -317,7 +317,7 @@ def volume_view(
     name: str, source: ReadOptions | None = None, begin: Sequence[Any] = (),
     added: Added | None = None,
 ) -> FileView:  # fmt: skip
-    """Return a volume's pages: how it is read, what is added, and options to begin with."""
+    """Return a volume's pages: reading options, additional inputs, initial options."""
     first, source = painter_of(name, source or ReadOptions(), begin, added or Added())
     volume, is_own = first.volume, first.first is None
 
@@ -374,7 +374,7 @@ def painter_of(
     try:
         if not (added.also or added.channels):
             return VolumePainter(prepared(source, name)), source
-    except SeveralChannelsError:  # of which the file may say the looks
+    except SeveralChannelsError:  # the file may name their looks
         pass
     try:
         shown = media(source, name, look, added, Resampler(order=Rays()))
@@ -416,7 +416,7 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     Raises
     ------
     ValueError, LookupError, OSError
-        As of the command.
+        As in the command.
 
     Examples
     --------
@@ -426,7 +426,7 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     given = {option: value for option, value in settings.items() if option not in ("size", "bits")}
     height, width = height_and_width(str(settings.get("size", "400")))
     if not given.keys() & {"also", "channels"}:
-        with suppress(SeveralChannelsError):  # of which the file may say the looks
+        with suppress(SeveralChannelsError):  # the file may name their looks
             return render(volume, size=(width, height), **{"camera": None, **given})
     fields = ((model, key) for model in (ReadOptions, Added) for key in model.model_fields)
     of_inputs = {option_of(*each) for each in fields}

@@ -139,7 +139,7 @@ BINS = 4096  # along an axis
 
 # What a camera frames of a volume: the largest connected parts.
 CELLS = 64  # along the longest axis, in which connections are looked for
-LEAST_PART, MOST_LEFT_OUT = 0.005, 0.02  # of the largest part; of all that is visible
+LEAST_PART, MOST_LEFT_OUT = 0.005, 0.02  # of the largest part; of the visible part
 BODY_CELLS = 48  # along the shortest side of a CT scan, at least, in which bodies are looked for
 THIN, LEAST_BODY = 5.0, 0.05  # mm off a body's surface; smallest body, of the largest
 

@@ -71,7 +71,7 @@ class Gathered(NamedTuple):
 
     spline: types.SplineField
     bounds: types.Bounds  # data units
-    known: Flags  # as of `LatticeField`
+    known: Flags  # as in `LatticeField`
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
     origin: Doubles  # (3,) scene position of the first voxel
     table: TransferTable
@@ -81,9 +81,9 @@ class Gathered(NamedTuple):
     tint: types.Tint = types.UNTINTED
     reached: types.Reached = types.UNBLOCKED
     thin: Thin = SAME  # samples of the field for each voxel
-    cells: NDArray[np.uint64] = types.UNKNOWN  # as of `LatticeField`
-    apart: Flags = types.UNMEASURED  # as of `LatticeField`
-    levels: types.BlockLevels = types.UNBOUNDED  # as of `LatticeField`
+    cells: NDArray[np.uint64] = types.UNKNOWN  # as in `LatticeField`
+    apart: Flags = types.UNMEASURED  # as in `LatticeField`
+    levels: types.BlockLevels = types.UNBOUNDED  # as in `LatticeField`
 
 
 def gathered(
@@ -206,7 +206,7 @@ def _of_either(looks: TransferTable, two: Doubles) -> TransferTable:
 def lit_lattice(
     field: Gathered, light: Light | None, viewer: Doubles, cue: tuple[float, float, float]
 ) -> types.LatticeField:
-    """Shade a field for a viewer (4,); `cue`: near, far and dimmed, as of `Classifier`."""
+    """Shade a field for a viewer (4,); `cue`: near, far and dimmed, as in `Classifier`."""
     steepest = np.full((1, 3), field.steepest, np.float32)
     lamp = lamp_of(light or UNLIT, viewer, steepest)
     classifier = types.Classifier(*field.table, lamp, *cue)
@@ -307,7 +307,7 @@ def _levels(values: NDArray[np.generic], is_least: bool) -> types.BlockLevels:
 
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:
-    """Fill missing values with the nearest known; also return which are known, if not all."""
+    """Fill missing values with the nearest known; return flags of known ones unless all are."""
     from resample_volume.kernels.voxels import nearest_in_columns, nearest_in_rows
 
     if values.dtype.kind != "f":
@@ -386,7 +386,7 @@ def _max_gradient_of(
 def _visible_places(
     transfer: Transfer, data_range: tuple[float, float], resampler: Resampler, value: NDArray[Any],
 ) -> NDArray[np.int64]:  # fmt: skip
-    """Return which of values (N,) are visible."""
+    """Return flags of visible values (N,)."""
     if resampler.iso is not None:
         return np.flatnonzero(value >= resampler.iso)
     if resampler.projection in MEASURING and resampler.projection not in MAXIMA:

@@ -102,7 +102,7 @@ def along(position: Floats, axis: Floats | Doubles) -> Floats | Doubles:
 
 
 def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far: float) -> Samples:
-    """Fade shaded samples linearly with depth: by none at `near`, by the share at `far`."""
+    """Fade shaded samples linearly with depth: not at `near`, by the share at `far`."""
     view = camera.view()
     forward, ahead = view.rotation[2].astype(np.float32), np.float32(view.translation[2] - near)
     depth = (along(samples.position, forward) + ahead) / np.float32(far - near)
@@ -170,7 +170,7 @@ def _vector(name: str, vector: Sequence[float] | Doubles, *, is_unit: bool = Fal
 
 
 def tint_of(volume: Volume, looks: TransferTable, labels: "Labels | None") -> Tint:
-    """Return the colors of a volume that has some; for labels, the colors of their rules.
+    """Return a volume's own colors; for labels, the colors of their rules.
 
     Colors are interpolated, so invisible voxels take the mean color of visible ones around them.
     """
@@ -369,8 +369,8 @@ def field_transmittance(
 ) -> list[Reached]:
     """Return the light at the points of fields, dimmed by all of them.
 
-    `scene` covers the volumes of `parts`, whose optical depths come in slabs. What the planes of
-    `clip` (M, 4) cut away takes no light.
+    `scene` covers the volumes of `parts`; optical depths come in slabs. Parts cut away by planes
+    `clip` (M, 4) take no light.
     """
     size, lattice = np.array(scene.values.shape), lattice_of(scene)
     per = math.ceil(max(size) / FINEST)
@@ -378,7 +378,7 @@ def field_transmittance(
     for volume, extinctions in parts:
         coarser = per * np.cbrt(abs(np.linalg.det(lattice) / np.linalg.det(lattice_of(volume))))
         pers.append(max(math.ceil(max(volume.values.shape) / FINEST), round(coarser)))
-        # Mean optical depths of cells, outside of what planes cut away
+        # Mean optical depths of cells, without the parts cut away
         thick, first = np.zeros(_grid_of(np.array(volume.values.shape), pers[-1]), np.float32), 0
         for part in extinctions:
             z, y, x = np.ogrid[first : first + len(part), : part.shape[1], : part.shape[2]]

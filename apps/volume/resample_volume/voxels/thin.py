@@ -23,7 +23,7 @@ from resample_volume.types import Volume
 
 # Value, from 0 to 1, of the higher kind by the number of axes along which a voxel is thin: of
 # solids, walls (a large one is 1.0 wide seen edge on, 0.9 along one ray), lines (their cross
-# section is 1) and points (their volume is 1). That of the lower kind is 1 minus it.
+# section is 1) and points (their volume is 1). The lower kind's share is 1 minus it.
 VALUES = (1.0, 0.75, 0.95, 1.1)
 
 
@@ -86,7 +86,7 @@ SAME = Thin(0, 1)
 
 
 def thin_of(volume: Volume) -> Thin:
-    """Return how slices are made thin; `SAME` if they are near, many, colored or in a file."""
+    """Return the method for thin slices; `SAME` if they are near, many, colored or in a file."""
     spacing = np.abs(np.asarray(volume.spacing, np.float64))[::-1]
     axis = int(spacing.argmax())
     within = [n for n in range(3) if n != axis]
@@ -101,7 +101,7 @@ def thin_of(volume: Volume) -> Thin:
 
 
 def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Thin:
-    """Return how slices are made thin, if they fit in memory and rays do not average."""
+    """Return the method for thin slices, if they fit in memory and rays do not average."""
     is_mean = projection in MEASURING and projection not in EXTREMES
     thin = SAME if is_mean or stays else thin_of(volume)
     for one in dict.fromkeys((thin, SAME)):
@@ -144,7 +144,7 @@ def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> 
 
 
 def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Floats, float]:
-    """Compute samples of thin slices minus the least value, and that; clamped if `is_within`."""
+    """Compute samples of thin slices minus the least value, and it; clamped if `is_within`."""
     from scipy.ndimage import spline_filter1d
 
     shape = list(values.shape)
@@ -172,7 +172,7 @@ class _Slices(NamedTuple):
     value: Floats  # above the least one
     coefficient: Floats  # of cubic splines across them
     span: float  # the greatest value
-    is_within: bool  # as of `thinned`
+    is_within: bool  # as in `thinned`
     grain: Plane  # levels of 255, the same on all slices: straight edges only move across
 
 

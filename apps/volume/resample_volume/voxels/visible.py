@@ -124,7 +124,7 @@ def unit_of(transfer: Transfer, volume: Volume) -> float:
 
 @memoized(lambda values: values)
 def finite_range(values: stored.Stored) -> DataRange:
-    """Return the least and greatest finite value; (0, 1) if there is none."""
+    """Return the least and greatest finite value; (0, 1) if none is finite."""
     low, high = stored.values_of(values).range()
     return (low, high) if low <= high else (0.0, 1.0)
 

@@ -1,4 +1,4 @@
-"""Encodings: what the numbers of a depth file mean.
+"""Encodings: meaning of a depth file's numbers.
 
 An encoding converts numbers, as `resample_warp3d.depth.files.read_depth` returns them, to nearness:
 

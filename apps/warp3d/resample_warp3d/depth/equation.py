@@ -49,7 +49,7 @@ def between(source: Camera, target: Camera) -> Equation:
 
 
 def of_rectified(fraction: float, gain: float = 1.0, zero: float = 0.0) -> Equation:
-    """Return the equation of a rectified pair whose disparity is `gain` (δ − `zero`) px.
+    """Return the equation of a rectified pair with the disparity `gain` (δ − `zero`) px.
 
     `fraction` 1 leads from the left view to the right one, where things are further left, −1 from
     the right view to the left one, 0.5 to the view between. Points with the nearness `zero` do not
@@ -128,7 +128,7 @@ def pose_warning(
     """Return a warning if other poses fit two depth images clearly better.
 
     The points of the first are warped into the second with the poses as given, inverted, and
-    exchanged; the best pose is the one whose points meet the second's depth.
+    exchanged; the best pose is the one with points that meet the second's depth.
 
     Result: None if the poses seem right, or the two pictures share too little.
     """
@@ -156,7 +156,7 @@ def pose_warning(
 def _error(first: DepthImage, second: DepthImage, equation: Equation, camera: Camera) -> float:
     """Return the median relative error of nearness where points meet the second's depth.
 
-    Infinite if too few do. `camera` is the second's, whose lens distorts the points' positions.
+    Infinite if too few do. `camera` is the second's; its lens distorts the points' positions.
     """
     sparse = max(1, math.isqrt(first.nearness.size // COMPARED))
     chosen = slice(sparse // 2, None, sparse)

@@ -81,7 +81,7 @@ def confident(nearness: Floats, confidence: Any, least: float | None = None) -> 
 
 
 def read_depths(path: str | Path) -> Raw | None:
-    """Read a stack (N, H, W) of maps from an array file; None if it is none.
+    """Read a stack (N, H, W) of maps from an array file; None if it is not a stack.
 
     An .npy file is mapped to memory: its maps are read when they are used.
     """
@@ -107,7 +107,7 @@ def _split(path: str | Path) -> tuple[Path, str]:
 
 
 def _gray(raw: Raw) -> Raw:
-    """Return the one channel of an array (H, W, C) or (1, H, W) whose channels are equal."""
+    """Return the one channel of an array (H, W, C) or (1, H, W) with equal channels."""
     if raw.shape[0] == 1:
         raw = np.moveaxis(raw, 0, 2)
     first = raw[..., :1]
@@ -118,7 +118,7 @@ def _gray(raw: Raw) -> Raw:
 
 
 def _read_pfm(path: Path) -> Raw:
-    """Read a portable float map, whose rows run from bottom to top."""
+    """Read a portable float map; its rows run from bottom to top."""
     with path.open("rb") as file:
         found = PFM_HEADER.match(file.read(256))
         if found is None:
@@ -160,7 +160,7 @@ def _read_recording(path: Path, frame: str) -> Raw:
 
 
 def _floats(data: bytes, name: str, kind: str, shape: tuple[int, ...]) -> Raw:
-    """Return numbers, unpacked if need be; a shape of 0 x 0 is that of a usual sensor."""
+    """Return numbers, unpacked if need be; a shape of 0 x 0 stands for a usual sensor's."""
     if data[:3] == b"bvx":
         try:
             import liblzfse
@@ -270,7 +270,7 @@ def _channel(path: Path, source: Any, n: int) -> Raw:
 
 
 def _pick(path: Path, names: list[str], name: str, what: str) -> str:
-    """Return the requested name, or the only one, or that of depth."""
+    """Return the requested name, or the only one, or depth's."""
     if name in names:
         return name
     depths = [known for known in names if known == "Z" or known.endswith(".Z")]

@@ -37,7 +37,7 @@ def prepare(
     ----------
     image
         Color and nearness. Nearness that is not finite or not above 0 is unknown, and so are
-        samples whose color is not finite.
+        samples with a color that is not finite.
     noise
         Relative standard deviation of the nearness. Default: estimated.
     step

@@ -1,7 +1,7 @@
 """Keep the depth of unchanged pixels from picture to picture of a film.
 
 Coarse and noisy maps differ a little from picture to picture. Where colors stay, small differences
-of depth are noise, and what was there before is kept; larger ones are followed.
+of depth are noise, and the previous depth is kept; larger ones are followed.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ SPARSE = 7  # pixels from one to the next that medians are taken of
 
 @dataclass
 class SteadyDepth:
-    """Depth of a shot's pictures, whose unchanged pixels keep their depth."""
+    """Depth of a shot's pictures; unchanged pixels keep their depth."""
 
     extent: float
     _color: Floats | None = None  # roots of light of the pictures that the nearness is from
@@ -61,7 +61,7 @@ class SteadyDepth:
 
 
 def unchanged(root: Floats, last: Floats) -> Mask:
-    """Return the pixels (H, W) whose colors are the same in two pictures, up to noise.
+    """Return the pixels (H, W) with the same colors in two pictures, up to noise.
 
     None are if the camera moves: if most textured pixels change.
 

@@ -20,19 +20,19 @@ from resample_warp3d.depth.encodings import Raw
 
 LONGEST = 160  # px of a thumbnail's longer side
 BINS = 8  # of a color histogram, per channel
-COLORS = 0.2  # share of the pixels whose colors are others after a cut, at least
+COLORS = 0.2  # share of the pixels with other colors after a cut, at least
 MORE_COLORS = 0.2  # of them, times the correlation of the brightness
 STRUCTURE = 0.5  # correlation of the brightness across a cut, at most
 COARSE = 4  # px of a thumbnail per px of the brightness that is correlated
 STEADY = 4.0 / 255.0  # change of color up to which a pixel is unchanged, if films have no noise
 NOISIEST = 12.0 / 255.0  # the same, at most
-CHANGED = 0.02  # weight of a pixel whose color changed, relative to an unchanged one
-LONGEST_MEAN = 16  # maps whose mean is the reference of an unchanged pixel
+CHANGED = 0.02  # weight of a pixel with a changed color, relative to an unchanged one
+LONGEST_MEAN = 16  # maps in the mean that is an unchanged pixel's reference
 MOST_POINTS = 5000  # of a thumbnail that are fitted
 STEPS = 40  # of the reweighted fit
 TINY = 1e-9  # of the depth's spread
-LARGEST_SCALE = 2.0  # of a map relative to those before it; a larger one is no change of scale
-EXPLAINED = 0.5  # share of the difference that may remain, of near as of far points
+LARGEST_SCALE = 2.0  # of a map relative to those before it; larger ones are rejected
+EXPLAINED = 0.5  # share of the difference that may remain, for near and far points alike
 OUTERMOST = 0.02, 0.98  # quantiles between which the middle divides near from far points
 CLOSE = 0.02  # of the depth's spread: or this may remain
 BETTER = 0.8  # share of the differences between pictures that may remain in an aligned shot
@@ -107,7 +107,7 @@ def thumbnail(color: Floats, raw: Raw) -> Thumbnail:
 
 
 def is_cut(first: Floats, second: Floats) -> bool:
-    """Whether two successive pictures belong to two shots: both colors and structure are others.
+    """Whether two successive pictures belong to two shots: both colors and structure differ.
 
     A flash changes colors and a fast pan the structure, neither both.
 
@@ -163,7 +163,7 @@ def fitted(depth: Doubles, reference: Doubles, weight: Doubles) -> Fit | None:
     if not 1.0 / LARGEST_SCALE <= found.scale <= LARGEST_SCALE:
         return None
     # A fit leaves little of the difference, both for most near and for most far points: things that
-    # come nearer change depth, too, but not that of everything.
+    # come nearer change depth, too, but not everywhere.
     left, before = np.abs(found.applied(depth) - reference), np.abs(depth - reference)
     low, high = (_weighted_quantile(depth, weight, share) for share in OUTERMOST)
     is_upper = depth > 0.5 * (low + high)
@@ -240,7 +240,7 @@ def _difference(
 
 
 def align(film: Iterable[Thumbnail]) -> Alignment:
-    """Align the maps of a film; shots whose maps agree already are left unchanged."""
+    """Align the maps of a film; shots with maps that agree are left unchanged."""
     shots: list[_Shot] = []
     for picture in film:
         last = shots[-1].color if shots else picture.color[:0]

@@ -1,7 +1,7 @@
 """Any way to warp under any pixel filter: painted on parts of pixels, composited, filtered last.
 
-What a pixel shows and how much of it is covered are filtered alike. How far it is and by how much
-it is magnified are those of its own square, under any filter: the middle by nearness of its parts.
+A pixel's color and coverage are filtered alike. Its depth and
+magnification come from its own square, under any filter: the middle by nearness of its parts.
 """
 
 from collections.abc import Callable
@@ -62,7 +62,7 @@ def filtered(
 
 
 def check_method(method: Method) -> None:
-    """Refuse methods that no filter can be applied to."""
+    """Reject methods that do not support filters."""
     if getattr(method, "is_per_pixel", False):
         name = type(method).__name__
         raise ValueError(f"{name} copies samples to whole pixels; leave out the pixel filter")
@@ -101,7 +101,7 @@ def _painted(
 
 
 def _show_squares(fine: Rendered, parts: Subpixels, strip: Strip, squares: Rendered) -> None:
-    """Fill in what a strip's pixels and those around it show in their own squares."""
+    """Fill in the surfaces in the own squares of a strip's pixels and those around it."""
     from resample.engine.surfaces import middle_of_rows, resolve_rows
 
     n, rows = parts.count, slice(strip.first, strip.last + 2 * parts.margin)
@@ -121,7 +121,7 @@ def _show_squares(fine: Rendered, parts: Subpixels, strip: Strip, squares: Rende
 def _inner(
     margin: int, shape: tuple[int, ...], down: int = 0, right: int = 0
 ) -> tuple[slice, slice]:
-    """Where a picture, moved by some pixels, lies in its surroundings."""
+    """Slices of a picture, moved by some pixels, in its surroundings."""
     top, left = margin + down, margin + right
     return slice(top, top + shape[0]), slice(left, left + shape[1])
 

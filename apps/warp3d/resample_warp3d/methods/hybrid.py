@@ -2,7 +2,7 @@
 
 Samples are cells of a sheet that is torn at silhouettes (`sheets`). Where a cell is smaller than a
 pixel it is a point with the area it covers; where it is larger it gives every pixel the mean of its
-color over their overlap. So a pixel is the mean of what it shows, at any scale and along each axis.
+color over their overlap. So a pixel is the mean over its area, at any scale and along each axis.
 """
 
 from dataclasses import dataclass, field
@@ -63,18 +63,18 @@ class Hybrid:
             raise ValueError(f"quality {self.quality:g}; 0.25 to 8 parts per px are allowed")
 
     def __call__(self, source: Source, equation: Way, shape: tuple[int, int]) -> Rendered:
-        """Warp; what the source does not show stays empty."""
+        """Warp; parts that the source does not show stay empty."""
         if isinstance(equation, Equation) and is_identity(source, equation, shape):
             return unmoved(source)
         layers = self.layers(source, equation, shape)
         return layers if self.labels else bridged(layers)
 
     def sheet(self, source: Source) -> Sheet:
-        """Sheet of a source, made when it is first asked for."""
+        """Sheet of a source, made on first use."""
         return self._sheets(source, is_label=self.labels)
 
     def layers(self, source: Source, equation: Way, shape: tuple[int, int]) -> Rendered:
-        """Warp and leave narrow gaps open, for pixels that are parts of others."""
+        """Warp without closing narrow gaps, for sub-pixels."""
         from resample_warp3d.sheet.kernels.layers import CellColors, LayerPicture, paint_layers
 
         sheet = self.sheet(source)
@@ -94,7 +94,7 @@ class Preview:
     _sheets: SheetCache = field(default_factory=SheetCache, init=False, repr=False, compare=False)
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
-        """Warp; what the source does not show stays empty."""
+        """Warp; parts that the source does not show stay empty."""
         from resample_warp3d.sheet.kernels.layers import CellColors, LayerPicture
         from resample_warp3d.sheet.kernels.preview import fill_picture
 
@@ -115,7 +115,7 @@ def band_of(shape: tuple[int, int]) -> int:
 
 
 def laid(sheet: Sheet, way: Way) -> tuple["SheetScreen", float, float]:
-    """Sheet on a target's screen, orientation of that, and what its nearness is divided by."""
+    """Sheet on a target's screen, its orientation, and the divisor of its nearness."""
     if isinstance(way, Passage):
         return way.laid(sheet), way.orientation, 1.0
     scale = float(np.linalg.norm(way.matrix[2]))  # to a matrix and epipole of a usual size

@@ -43,10 +43,10 @@ class Paper:
         Standard deviation of the pixel filter, px, 0.1 to 2, below 0.25 taken for that; it ends at
         three of them, and no axis of a splat is shorter than that.
     tolerance
-        What is further behind the nearest surface than this part of its nearness is hidden by it;
+        Samples further behind the nearest surface than this part of its nearness are hidden by it;
         five times as much where no boundary and no turn of the surface lies between them.
     core
-        How far from itself a sample hides what is behind, px of the source along its grid, 0.1 to
+        How far from itself a sample hides others, px of the source along its grid, 0.1 to
         2; beside a boundary, half a px at most.
 
     Raises
@@ -74,7 +74,7 @@ class Paper:
 class Splat:
     """Every sample a splat, however small: no pixel filter, so that minified pictures alias.
 
-    Parameters are those of `Paper`. A splat is never too small to reach the center of a pixel.
+    Parameters as in `Paper`. A splat is never too small to reach the center of a pixel.
     """
 
     sigma: float = SIGMA
@@ -94,7 +94,7 @@ class Splat:
 class Point:
     """Every sample a point under the pixel filter, which leaves holes where the target magnifies.
 
-    Parameters are those of `Paper`. Under a filter, points are what it weighs.
+    Parameters as in `Paper`. A filter weighs points.
     """
 
     is_whole: ClassVar[bool] = True  # covers pixels wholly, wherever a filter meets a point

@@ -114,7 +114,7 @@ def grouped(color: Floats) -> Floats:
 
 
 def corner_places(place: Doubles) -> Doubles:
-    """Interpolate the positions of the lattice's corners from those of the samples."""
+    """Interpolate the positions of the lattice's corners from the samples'."""
     if not place.size:
         return place
     ahead = np.pad(place, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")

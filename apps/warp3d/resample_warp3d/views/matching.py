@@ -77,7 +77,7 @@ class Match(NamedTuple):
 
 
 def check_colors(colors: str) -> None:
-    """Refuse an unknown way to match colors."""
+    """Reject an unknown way to match colors."""
     if colors not in COLORS:
         raise ValueError(f"unknown way to match colors {colors!r}; known: {', '.join(COLORS)}")
 
@@ -173,7 +173,7 @@ def _blocks(values: NDArray[np.generic]) -> Doubles:
 
 
 def check_depths(depths: str) -> None:
-    """Refuse an unknown way to match depths."""
+    """Reject an unknown way to match depths."""
     if depths not in DEPTHS:
         raise ValueError(f"unknown way to match depths {depths!r}; known: {', '.join(DEPTHS)}")
 
@@ -207,7 +207,7 @@ def match_depths(
             place, nearness = points[first]
             seen = nearness * math.exp(scale[first])
             # Logarithms of ratios of nearness where points meet a surface of the other source,
-            # and their derivatives by that of the point's.
+            # and their derivatives by the point's logarithm.
             way, other = equations[first][second], sources[second]
             error = _errors(place, seen, way, other)
             moved = _errors(place, seen * math.exp(STEP), way, other)

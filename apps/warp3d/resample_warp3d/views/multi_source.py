@@ -210,7 +210,7 @@ def order_of_bits(things: Sequence[Sequence[NDArray[Any]]]) -> list[int]:
 def outvoted(
     views: Sequence[Warped], sources: Sequence[Source], equations: Sequence[Way]
 ) -> list[Warped]:
-    """Drop samples that as many sources contradict as confirm.
+    """Drop samples that at least as many sources contradict as confirm.
 
     A pixel's point is projected back to every other source. A source with the point's depth there,
     within 2 %, confirms it, as does the view itself; a source with only farther samples around it
@@ -278,7 +278,7 @@ class Joining:
     depths
         How depths are matched: `scale` or `none`.
     votes
-        `majority` drops samples that as many sources contradict as confirm; `none` keeps all.
+        `majority` drops samples with as many sources against as for them; `none` keeps all.
     poses
         `refined` moves views of pinholes until their colors and depths agree, keeping the mean of
         their poses, if that makes them agree better; `none` keeps poses.

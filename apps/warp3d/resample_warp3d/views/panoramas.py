@@ -3,7 +3,7 @@
     seen = render_together(panorama(color, length), target, (480, 640), joining=SEAMLESS)
 
 The warping equation handles views of less than 180 degrees, so a panorama is split, without
-resampling, into six blocks of its own pixels: four around, and one about each pole. Each is a depth
+resampling, into six blocks of its pixels: four around, and one about each pole. Each is a depth
 image of a camera that looks at its center, with positions for its pixels.
 """
 

@@ -57,7 +57,7 @@ def compare(
     aim.check()
     gaussians.check()
     if not holds_gaussians(file, look, gaussians):
-        raise ValueError(f"{file.name} holds no 3D Gaussians, whose ways are compared here")
+        raise ValueError(f"{file.name} holds no 3D Gaussians, which this command compares")
     session = Session()
     scene = gaussians_of(session, file, look, gaussians)
     camera = scene.upright(aim).camera_for(scene.framing, shape)

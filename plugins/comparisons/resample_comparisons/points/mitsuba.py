@@ -3,7 +3,7 @@
 It traces rays through ellipsoids of three standard deviations in the order in which they are
 entered, with the opacity at the peak along the ray, and averages rays over the pixel.
 
-Mitsuba runs in a process of its own: with an LLVM that is too old for it, it aborts.
+Mitsuba runs in its own process: with an LLVM that is too old for it, it aborts.
 """
 
 import math
@@ -97,7 +97,7 @@ def check() -> None:
 
 
 def _sensor(mi: Any, given: Any) -> dict[str, Any]:
-    """Describe a camera, whose x points to the right and whose y points down."""
+    """Describe a camera, with x to the right and y down."""
     height, width = map(int, given["shape"])
     matrix = given["matrix"]
     back = np.linalg.inv(given["pose"]) @ np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -123,7 +123,7 @@ def _sensor(mi: Any, given: Any) -> dict[str, Any]:
 
 
 def main(folder: Path) -> None:
-    """Render the scene of a folder; runs in a process of its own."""
+    """Render the scene of a folder; runs in its own process."""
     import mitsuba as mi
 
     mi.set_variant(VARIANT)

@@ -165,7 +165,7 @@ def source_values(picture: Floats, *, linear: bool) -> Floats:
 
 
 def _busiest(screen: Screen, mask: Mask) -> tuple[slice, slice]:
-    """Return the square inside a zone, as far as possible, whose values vary most."""
+    """Return the square inside a zone, as far as possible, with the most varying values."""
     side = min(CROP, *mask.shape)
     step = max(1, side // 4)
     places = [

@@ -1,6 +1,6 @@
 """Warp with OpenCV: one sample per pixel, or the mean of many.
 
-OpenCV is used only for what it does right; everything else is brought into that form first:
+OpenCV is used only for its correct cases; everything else is converted to these first:
 
 - A matrix goes to `cv2.warpPerspective` if a whole tile is in front of the camera. Otherwise, and
   for maps and for wrapped and mirrored sources, coordinates are folded into the source here and

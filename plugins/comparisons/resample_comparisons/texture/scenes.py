@@ -106,7 +106,7 @@ def truth(
 
 
 def _coefficients(source: Floats) -> Floats:
-    """Return coefficients of a spline of degree 4 whose texel means are the source."""
+    """Return coefficients of a spline of degree 4 with the source as texel means."""
     from scipy.ndimage import spline_filter1d
 
     for axis in (0, 1):  # means of degree 4 are values of degree 5
@@ -257,7 +257,7 @@ def _taps(kind: str) -> Doubles:
 
 
 def _inside(scene: ComparedView) -> Mask:
-    """Return the pixels whose filters stay within the source."""
+    """Return the pixels with filters within the source."""
     height, width = scene.source.shape[:2]
     mask = np.ones(scene.shape, np.bool_)
     for right in (-REACH, 0.0, REACH):

@@ -147,7 +147,7 @@ class Contest:
         self._book(f"VTK, {rays} x {rays} rays", picture, 1000 * (time.perf_counter() - start), "")
 
     def differences(self) -> dict[str, Floats]:
-        """Return pictures of the errors, magnified, mid-gray where there is none."""
+        """Return pictures of the errors, magnified; mid-gray is no error."""
         target = shown(self.reference)
         return {
             f"{name}, error x {AMPLIFIED}": from_srgb(

@@ -58,7 +58,7 @@ class ImageSheets:
     Mueller, Shareef, Huang and Crawfis, High-Quality Splatting on Rectilinear Grids with Efficient
     Culling of Occluded Voxels, 1999. No bleeding and no popping; every splat is painted once per
     slab that it meets, with the share of its kernel that lies there: kernels are taken for
-    Gaussians, whose parts have one footprint.
+    Gaussians; their parts have one footprint.
 
     Parameters
     ----------

@@ -127,7 +127,7 @@ class VtkRenderer:
         if not np.allclose(volume.direction, np.eye(3), atol=1e-9):
             raise ValueError(
                 f"{volume.name} is rotated or mirrored, which VTK's CPU ray caster ignores; give"
-                " it a volume whose direction is the identity"
+                " it a volume with the identity as direction"
             )
         if min(volume.values.shape) < 2:
             raise ValueError(f"{volume.name} is flat; VTK needs 2 voxels along each axis")
@@ -162,7 +162,7 @@ class VtkRenderer:
             window.Render()
 
     def render(self, camera: AnyCamera) -> Floats:
-        """Render a picture (H, W, 4), premultiplied RGBA in linear light; errors as of `draw`."""
+        """Render a picture (H, W, 4), premultiplied RGBA in linear light; errors as in `draw`."""
         self.draw(camera)
         fine = _read(self._stage.mapper.GetRayCastImage(), self._size, self._rays)
         height, width = self._size

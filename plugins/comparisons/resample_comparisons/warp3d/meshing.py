@@ -27,7 +27,7 @@ class DepthMesh:
     Parameters
     ----------
     cut
-        `links`: triangles join linked samples only. A number: triangles whose depths differ by
+        `links`: triangles join linked samples only. A number: triangles with depths that differ by
         more, relative to the nearest, are not drawn (0.03 is common). `none`: a rubber sheet.
     samples
         Sub-pixels per side of a pixel, 1 to 16; the pixel is their mean.

@@ -109,7 +109,7 @@ class ObjectScene:
     ) -> tuple[Floats, Doubles, Doubles]:
         """Return the share of each pixel visible from another camera, and the pixel's depths.
 
-        `camera`, `shape`: camera whose pixels are tested, and its height and width, px. `other`,
+        `camera`, `shape`: camera with the tested pixels, and its height and width, px. `other`,
         `other_shape`: the other camera, and its height and width, px. `rays`: rays per side of a
         pixel. Result: fraction (H, W) 0..1; nearest and farthest z (H, W), inf where a ray hits
         nothing.

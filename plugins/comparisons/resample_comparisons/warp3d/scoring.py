@@ -140,7 +140,7 @@ def _shifted(picture: Floats, reach: int) -> Iterator[Floats]:
 
 
 def near_steps(nearest: Doubles, farthest: Doubles) -> Mask:
-    """Return the pixels within 2 px of one whose depths differ by more than 3 %."""
+    """Return the pixels within 2 px of one with depths that differ by more than 3 %."""
     return widened(farthest > nearest * (1.0 + STEP), NEAR_EDGE)
 
 

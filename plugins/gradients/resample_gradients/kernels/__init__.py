@@ -1,4 +1,4 @@
 """Numba kernels of differentiable warps, in float64.
 
-Gradients are the exact derivatives of what the forward pass computes.
+Gradients are the exact derivatives of the forward pass.
 """

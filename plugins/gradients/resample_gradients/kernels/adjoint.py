@@ -2,7 +2,7 @@
 
 The weights are those of the forward warp. Every step of `painting` transposed, in reverse order:
 cells gather from the pixels they meet, texels gather from the cells between them, and the source
-from the texels of all blocks. Blocks gather in parallel into patches of their own, which are then
+from the texels of all blocks. Blocks gather in parallel into their own patches, which are then
 added one after the other: the same bits for any number of threads.
 """
 

@@ -147,7 +147,7 @@ def sides(along_x: float, along_y: float, node: Node, axis_sign: float) -> tuple
 
 @inner_step
 def cut_at_edges(place: float, before: float, after: float, size: float) -> tuple[float, float]:
-    """Clip a point's box at both edges; return its new place and what is left.
+    """Clip a point's box at both edges; return its new place and its rest.
 
     `before` and `after` are the extents of the box on both sides of the point.
     """
@@ -155,7 +155,7 @@ def cut_at_edges(place: float, before: float, after: float, size: float) -> tupl
     # A box without width is inside or not.
     if whole < SHARP:
         return place, 1.0 if 0.0 <= place <= size else 0.0
-    # Clip the box; the point divides what is left in the same ratio.
+    # Clip the box; the point divides the rest in the same ratio.
     low, high = max(place - before, 0.0), min(place + after, size)
     if high <= low:
         return min(max(place, 0.0), size), 0.0

@@ -35,7 +35,7 @@ class LabelSource(NamedTuple):
 
     code: NDArray[np.int32]  # (H, W) from 0 in the order of labels; less than 0 for none
     codes: int  # how many there are
-    common: int  # the texel, counted row by row, whose label most texels have; less than 0 for none
+    common: int  # a texel, counted row by row, with the most common label; less than 0 for none
     edge: int  # TRANSPARENT, CLAMP, WRAP or MIRROR
 
 
@@ -171,7 +171,7 @@ def _square(tally: Tally, sizes: tuple[int, int], edge: int) -> tuple[int, int]:
         parts[0, n, 0] = 0.5 if n in (1, 2) else -0.5
         parts[0, n, 1] = 0.5 if n >= 2 else -0.5
     count, now = 4, 0
-    # Clip to what lies in front of the horizon.
+    # Clip to the part in front of the horizon.
     least = FRONT * (abs(rows[2, 0]) + abs(rows[2, 1]) + abs(rows[2, 2]))
     front = rows[2, 0], rows[2, 1], rows[2, 2] - least
     _, count = _cut(parts[now], count, front, parts[4], parts[1 - now])
@@ -271,7 +271,7 @@ def _add_pixel(labels: LabelSource, tally: Tally) -> int:
         else:
             below, above = count, 0
             tally.parts[2, :count] = tally.parts[now, :count]
-        # Add the column's labels; go on with what lies to its right.
+        # Add the column's labels; continue with the part to its right.
         if below >= 3:
             texel = _texel(column, width, labels.edge)
             met = _add_column(labels, tally, texel, (below, 2), met)
@@ -302,7 +302,7 @@ def _largest(tally: Tally, met: int) -> tuple[int, float]:
 
 @kernel
 def _single(labels: LabelSource, rows: Doubles) -> int:
-    """Texel of a pixel whose texels share one label; less than 0 if they differ."""
+    """Texel of a pixel if its texels share one label; less than 0 if they differ."""
     # Bound the pixel's corners in the source.
     height, width = labels.code.shape
     left = top = np.inf

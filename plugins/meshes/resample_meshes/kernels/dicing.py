@@ -196,7 +196,7 @@ def paint_cells(
     skin: Skin,
     lens: VisibilityCamera,
 ) -> tuple[int, int]:
-    """Add the cells whose centers lie in a triangle; count all, and the visible ones.
+    """Add the cells with centers in a triangle; count all, and the visible ones.
 
     Levels of sRGB and the largest level of light share the weight by how long pixels are.
     `block.corner` and `block.rim` hold the corners of the triangle n and the `count` corners of its
@@ -222,7 +222,7 @@ def paint_cells(
         low, high = _crossed(block, count, line + 0.5)
         if not low < high:
             continue
-        # Find the cells whose centers lie between the triangle's edges.
+        # Find the cells with centers between the triangle's edges.
         first, last = math.ceil(low - 0.5), math.ceil(high - 0.5)
         if first >= last:
             continue
@@ -230,7 +230,7 @@ def paint_cells(
         t = (line + 0.5) * step_t
         middle = (0.5 * (first + last) * step_u, t)
         extent = _extent(forward, middle, (step_u, step_t), samples)
-        # Skip lines near the horizon whose cells are larger than the tile.
+        # Skip lines near the horizon with cells larger than the tile.
         if not (extent[0] <= len(block.owner) and extent[1] <= len(block.owner)):
             continue
         # The level's share changes evenly along the line.

@@ -126,7 +126,7 @@ def _composed(scene: MeshScene, block: TileBuffer, surface: int, surfaces: Surfa
 
 @kernel
 def _measure(block: TileBuffer, row: int, column: int) -> tuple[float, float]:
-    """Mean and least depth of what a pixel's own sub-pixels show; infinite if nothing."""
+    """Mean and least depth of a pixel's own sub-pixels; infinite if empty."""
     total, first, weight, n = 0.0, np.inf, 0.0, block.samples
     for r in range((row + block.margin) * n, (row + block.margin + 1) * n):
         for c in range((column + block.margin) * n, (column + block.margin + 1) * n):

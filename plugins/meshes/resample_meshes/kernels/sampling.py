@@ -54,7 +54,7 @@ class Skin(NamedTuple):
     mode: Ints  # (P,) OPAQUE, MASK or BLEND
     cutoff: Floats  # (P,) least alpha that shows of a mask
     # (N / 3,) alpha beside `texel`, premultiplied into the colors except in a mask's largest level,
-    # of levels and of light; its others are reduced from what passes its cutoff. Empty: all opaque.
+    # of levels and of light; its others are means of texels above its cutoff. Empty: all opaque.
     alpha: Floats
     first: Ints  # (P,) largest level of light; 1 if the same in levels of sRGB comes before it
 
@@ -156,7 +156,7 @@ def longer_of(squares: float, area: float) -> float:
 
 @inner_kernel
 def share_of_levels(longest: float) -> float:
-    """Share of levels in what a pixel shows that is this long, texels."""
+    """Share of levels in a pixel of this length, texels."""
     return max(0.0, min(1.0, (LONG - longest) / (LONG - SHORT)))
 
 
@@ -191,7 +191,7 @@ def _sample_level(skin: Skin, texture: int, level: int, place: Place) -> Layer:
             blue += weight * skin.texel[at + 2]
             if mode != OPAQUE:
                 alpha += weight * skin.alpha[at // 3]
-    # Cut a mask's largest level, whose color is straight; others are premultiplied.
+    # Cut a mask's largest level, with straight color; others are premultiplied.
     alpha = 1.0 if mode == OPAQUE else max(0.0, min(1.0, alpha))
     if mode == MASK and level <= skin.first[texture]:
         if alpha + ROUNDING < skin.cutoff[texture]:
@@ -306,7 +306,7 @@ def evaluate(
             dot(weight, (skin.color[n, 0, 2], skin.color[n, 1, 2], skin.color[n, 2, 2])),
             1.0,
         )
-    # Choose a level and the number of look-ups by what the sub-pixel covers.
+    # Choose a level and the number of look-ups by the sub-pixel's footprint.
     reach = _reach(triangles, skin, n, place, fine)
     level, taps = _level_and_taps(skin, texture, reach)
     levels = share_of_levels(reach[0] / fine) if level == skin.first[texture] == 1 else 0.0

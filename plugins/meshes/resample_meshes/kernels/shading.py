@@ -234,7 +234,7 @@ def put_behind(triangles: ProjectedTriangles, skin: Skin, block: TileBuffer) -> 
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):
             n = block.owner[row, column]
-            # Stop peeling where there is no triangle any more.
+            # Stop peeling after the last triangle.
             if n < 0:
                 block.limit[row, column] = -np.inf
                 continue

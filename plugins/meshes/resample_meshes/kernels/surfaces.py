@@ -201,7 +201,7 @@ def barycentric(triangles: ProjectedTriangles, n: int, place: Place) -> Vector:
     # Clamp: rounding may put a place just outside.
     a, b, c = max(0.0, a), max(0.0, b), max(0.0, c)
     total = a + b + c
-    # Without a valid sum, as of a triangle thinner than rounding, take the centroid.
+    # Without a valid sum, as in a triangle thinner than rounding, take the centroid.
     if not 0.0 < total < np.inf:
         return 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
     return a / total, b / total, c / total

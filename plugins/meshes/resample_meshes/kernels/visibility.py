@@ -108,7 +108,7 @@ def columns_within(block: TileBuffer, left: float, right: float) -> tuple[int, i
 
 @inner_kernel
 def span(triangles: ProjectedTriangles, n: int, block: TileBuffer) -> tuple[int, int, int, int]:
-    """First and last row, first and last column of what a triangle may touch."""
+    """First and last row, first and last column that a triangle may touch."""
     bounds = triangles.bounds[n]
     top, bottom = bounds["top"], bounds["bottom"]
     first, last = columns_within(block, bounds["left"], bounds["right"])
@@ -258,7 +258,7 @@ def may_show(
             owner = block.owner[row, column]
             if owner == n:
                 return True
-            # Thin triangles may own no sample: accept those at the depth of what is visible.
+            # Thin triangles may own no sample: accept those at the visible depth.
             if owner < 0 or triangles.facing[n] != triangles.facing[owner]:
                 continue
             nearness = nearness_at(plane, limit, sample(block, row, column))

@@ -14,7 +14,7 @@ from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
 from resample.types import Doubles
 
 TILE = 32  # px
-SMALL = 8.0  # px, reach of kernels whose integral is taken from the table
+SMALL = 8.0  # px, reach of kernels with integrals from the table
 FINEST = 96.0  # samples along a side of a pixel
 ROUNDING = 1e-13  # of a particle: a smaller share is that of a pixel which it does not reach
 TINY = 0.5  # px, reach below which it does not matter that a kernel is slanted or cut
@@ -25,7 +25,7 @@ PLACE = 5  # (distance of the plane / H)²; 0 for columns
 REACH_X, REACH_Y = 6, 7  # px
 WHOLE, PEAK = 8, 9  # integral over the picture, and factor on the profile
 VALUE = 10  # of the quantity
-# In perspective, by what the square is divided: 1 + lean · d + bend · d².
+# In perspective, the divisor of the square: 1 + lean · d + bend · d².
 LEAN_X, LEAN_Y, BEND_X, BEND_Y = 11, 12, 13, 14
 FIELDS = 15
 
@@ -160,7 +160,7 @@ def paint_columns(
 ) -> None:
     """Add particles to a picture (H, W, 1 or 2): masses, and masses times the quantity.
 
-    `records`: (N, FIELDS). `profile`, `quadrant`: as of `ColumnTables`. `start`, `member`: which
+    `records`: (N, FIELDS). `profile`, `quadrant`: as in `ColumnTables`. `start`, `member`: which
     particles reach which tile, in the order in which they are added. `fineness`: samples along the
     reach of a kernel that are enough.
     """

@@ -1,4 +1,4 @@
-"""What several formats of Gaussians share: quaternions, logarithms, logits, harmonics."""
+"""Shared decoding of Gaussians: quaternions, logarithms, logits, harmonics."""
 
 from typing import Any
 
@@ -10,11 +10,11 @@ from resample.types import Floats
 from resample_points.data.harmonics import rounded_to, step_of
 
 ROOT = np.float32(np.sqrt(0.5))  # largest size of a component that is not the largest
-PER_GAUSSIAN = 146 + 100  # most bytes in memory: what is kept, and what is computed meanwhile
+PER_GAUSSIAN = 146 + 100  # most bytes in memory: the result, and temporary arrays
 
 
 def check_count(what: str, count: int) -> int:
-    """Return a number of Gaussians; reject none, and more than the free memory holds."""
+    """Return a number of Gaussians; reject 0, and more than the free memory holds."""
     if count < 1:
         raise ValueError("has no Gaussians")
     check_free(what, count * PER_GAUSSIAN)
@@ -48,7 +48,7 @@ def three_of(quaternions: Floats) -> tuple[Floats, NDArray[np.intp]]:
 
 
 def exponentials(logarithms: NDArray[Any]) -> Floats:
-    """Return scales from their natural logarithms; what is too large becomes infinite."""
+    """Return scales from their natural logarithms; too large ones become infinite."""
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         return np.exp(logarithms.astype(np.float32, copy=False))
 

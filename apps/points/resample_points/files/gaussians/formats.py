@@ -1,4 +1,4 @@
-"""Read 3D Gaussians of any known format, which the content tells; write them by the suffix."""
+"""Read 3D Gaussians of any known format, detected by content; write them by suffix."""
 
 import errno
 import logging
@@ -56,8 +56,7 @@ def read_gaussians(path: str | Path) -> Gaussians:
         A PLY file as trainers write them (ASCII or binary), a compressed PLY file of SuperSplat, a
         `.splat` or `.ksplat` file, SOG of version 1 or 2 (a folder, its meta.json, or a `.sog`
         file), or SPZ of version 1 to 4; version 4 needs the extra `zstd`. The content decides,
-        except for `.splat` and `.ksplat`, which begin with no mark, and for what other packages
-        read.
+        except for `.splat` and `.ksplat`, which lack a magic number, and formats of other packages.
 
     Returns
     -------
@@ -98,10 +97,10 @@ def read_gaussians(path: str | Path) -> Gaussians:
 
 
 def shots_beside(path: Path) -> "list[PosedPicture]":
-    """Read the pictures of training whose cameras lie beside a scene; none if there are none.
+    """Read the training pictures with cameras beside a scene; empty if there are no cameras.
 
     They are `cameras.json`, `transforms.json` or the folder `sparse` of COLMAP, in the scene's
-    folder or, of `point_cloud/iteration_30000/point_cloud.ply`, in that of the training. Cameras
+    folder or, of `point_cloud/iteration_30000/point_cloud.ply`, in the training's. Cameras
     that cannot be read are logged.
     """
     from resample.cameras.files import read_shots
@@ -119,7 +118,7 @@ def shots_beside(path: Path) -> "list[PosedPicture]":
 
 
 def stored_gaussians(path: str | Path) -> TrainedFile | None:
-    """Return a PLY file of a trainer, whose Gaussians can stay in it; None for other formats.
+    """Return a trainer's PLY file if its Gaussians can be mapped; None for other formats.
 
     Raises ValueError, OSError: as `read_gaussians`.
     """
@@ -208,10 +207,10 @@ def write_gaussians(path: str | Path, gaussians: Gaussians) -> None:
     path
         `.ply`, as trainers write it and most programs read it: all numbers are kept, opacities of
         0 and 1 become 1e-7 and 1 - 1e-7; `.compressed.ply` of SuperSplat; `.spz` of version 3;
-        `.sog` of version 2, whose harmonics are a palette of at most 65,536; or `.splat`, without
+        `.sog` of version 2, with a palette of at most 65,536 harmonics; or `.splat`, without
         harmonics. The last four round numbers, and order Gaussians anew.
     gaussians
-        A scene. Where its axis up is not that of the format, the scene is turned: SPZ has y up,
+        A scene. Where its axis up is not the format's, the scene is turned: SPZ has y up,
         `.sog` and `.splat` have y down; PLY names x, y or z, and else has y down.
 
     Raises
@@ -262,7 +261,7 @@ def write_gaussians(path: str | Path, gaussians: Gaussians) -> None:
 
 
 def suffix_of(path: Path) -> str:
-    """Return which of `SUFFIXES` a name ends in."""
+    """Return the one of `SUFFIXES` that a name ends in."""
     name = path.name.lower()
     known = [suffix for suffix in SUFFIXES if name.endswith(suffix)]
     if not known:

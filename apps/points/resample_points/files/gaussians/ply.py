@@ -31,8 +31,8 @@ NORMAL = ["nx", "ny", "nz"]  # zeros that some programs want
 NEEDED = {*POSITION, *COLOR, "opacity", *SCALE[:2], *ROTATION}
 FLAT = 1e-3  # third scale of flat Gaussians relative to the smaller of the others
 FOURTH = 24  # coefficients per channel of degrees 1 to 4; 15 are kept
-SAMPLED, FEWEST = 10_000, 16  # Gaussians whose numbers are looked at, and at least needed
-OPAQUE = 1e-7  # distance of a written opacity from 0 and 1, whose logits are infinite
+SAMPLED, FEWEST = 10_000, 16  # Gaussians to examine, and at least needed
+OPAQUE = 1e-7  # distance of a written opacity from 0 and 1, which have infinite logits
 
 
 def read_trained(file: PlyFile) -> Gaussians:
@@ -74,7 +74,7 @@ class TrainedFile:
         self._step = step_of(largest)
 
     def tell(self) -> None:
-        """Say what of the file may not mean what its writer meant, once it is shown."""
+        """Warn of ambiguous parts of the file, once it is shown."""
         self._file.tell_scales()
         some = self._records[:: max(1, self.count // SAMPLED)]
         opacity = some["opacity"]
@@ -87,7 +87,7 @@ class TrainedFile:
             )
 
     def empty(self, count: int) -> Gaussians:
-        """Return room for some Gaussians of the file."""
+        """Allocate arrays for some Gaussians of the file."""
         return Gaussians(
             position=np.empty((count, 3), np.float32),
             scale=np.empty((count, 3), np.float32),

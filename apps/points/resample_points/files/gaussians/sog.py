@@ -1,4 +1,4 @@
-"""Read SOG, pictures whose texels are Gaussians, in a folder or a zip file; write version 2.
+"""Read SOG, pictures with Gaussians as texels, in a folder or a zip file; write version 2.
 
 Pictures are read byte by byte, with colors that are not multiplied by alpha.
 """
@@ -34,7 +34,7 @@ from resample_points.files.gaussians.decoding import (
 )
 
 META = "meta.json"
-FIRST_TAG = 252  # alpha of a quaternion whose largest component is w
+FIRST_TAG = 252  # alpha of a quaternion with w as largest component
 MOST = 1e30  # size of a number, which float32 holds
 PER_ROW = 64  # entries of the palette of harmonics
 LEVELS = 16  # halvings of Gaussians by their harmonics: a palette has up to 2 ** 16 entries
@@ -44,7 +44,7 @@ Texels = NDArray[np.uint8]  # (N, 4)
 
 
 class _Pictures:
-    """The description of a scene, and the pictures that hold its Gaussians.
+    """The description of a scene, and the pictures with its Gaussians.
 
     `file`: gives the path of a picture by its name.
     """
@@ -75,11 +75,11 @@ class _Pictures:
         return found
 
     def numbers(self, part: str, key: str, count: int | None = None) -> Doubles:
-        """Return numbers of the description, of a size that float32 holds."""
+        """Return numbers of the description, within float32's range."""
         given: Any = self.described(part).get(key)
         listed: list[Any] = given if isinstance(given, list) else [given]
         if listed[:1] == [None] and len(listed) > 2 and None not in listed[1:]:
-            # Old writers leave the first entry of a palette out, which goes on evenly.
+            # Old writers leave out the first entry of a palette; extrapolate it linearly.
             listed = [listed[1] + (listed[1] - listed[-1]) / 255, *listed[1:]]
         is_right = all(isinstance(n, int | float) and abs(n) <= MOST for n in listed)
         if not is_right or (count is not None and len(listed) != count):
@@ -177,12 +177,12 @@ def _gaussians(scene: _Pictures) -> Gaussians:
 
 
 def _unpacked(path: Path, folder: Path) -> tuple[bytes, Callable[[str], Path]]:
-    """Return the description of a zip file, and what unpacks a picture of it to a folder."""
+    """Return a zip file's description, and a function that unpacks its pictures to a folder."""
     try:
         with zipfile.ZipFile(path) as packed:
             members = {info.filename: info for info in packed.infolist()}
             if META not in members:
-                raise ValueError(f"is a zip file without {META}, so it is no SOG file")
+                raise ValueError(f"is a zip file without {META}, so it is not a SOG file")
             check_members(path.name, members.values(), "members")
             check_size(META, members[META].file_size, "tree")
             meta = packed.read(META)
@@ -298,7 +298,7 @@ def _webp(texels: NDArray[Any], width: int) -> bytes:
 
 
 def _codebook(values: Floats) -> tuple[NDArray[np.uint8], list[float]]:
-    """Return which of 256 numbers is nearest to each value, and the numbers: k-means of one axis.
+    """Return the index of the nearest of 256 numbers for each value, and the numbers (k-means).
 
     The numbers are ascending; they begin as quantiles of the values' ranks and of their range.
     """

@@ -110,7 +110,7 @@ def read_ksplat(path: Path) -> Gaussians:
 def _section(
     data: bytes, n: int, place: int, precision: int, ends: tuple[float, float]
 ) -> tuple[tuple[NDArray[Any], ...], int]:
-    """Return positions, scales, rotations, levels and harmonics (N, K, 3), and where it ends.
+    """Return positions, scales, rotations, levels and harmonics (N, K, 3), and the section's end.
 
     Arrays are missing if the section is not there. `ends`: of harmonics of 8 bits.
     """

@@ -181,7 +181,7 @@ def _up(extensions: bytes) -> str | None:
 
 
 def spz_bytes(gaussians: Gaussians) -> Iterator[bytes]:
-    """Yield the bytes of a file of version 3, whose scene has y up."""
+    """Yield the bytes of a file of version 3, with the scene's y up."""
     farthest = float(np.abs(gaussians.position).max(initial=1e-9))
     bits = min(FINE, 22 - math.ceil(math.log2(farthest)))
     if bits < 0:

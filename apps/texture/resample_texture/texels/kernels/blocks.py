@@ -1,9 +1,9 @@
 """Split and dice: blocks of the source, cut evenly into cells small on screen.
 
-A *cell* is what is projected as one point: a texel, a part of one (where the texture is magnified)
+A *cell* is projected as one point: a texel, a part of one (where the texture is magnified)
 or the mean of several (where it is minified strongly), per axis. All cells of a block are alike:
 their values come from few phases of an interpolation, and one walk along a row places them.
-The word is that of Cook, Carpenter and Catmull, The Reyes Image Rendering Architecture, 1987.
+The term is from Cook, Carpenter and Catmull, The Reyes Image Rendering Architecture, 1987.
 
 A block is two rows of numbers, along u and along v: see `START` and those that follow.
 """
@@ -113,7 +113,7 @@ def _cut_off(stack: Integers, top: int, axis: int, length: int) -> None:
 
 @kernel
 def beside(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
-    """Whether a rectangle lies outside one of some lines, and if the last one cuts it."""
+    """Whether a rectangle lies outside one of some lines, and whether the last one cuts it."""
     is_cut = False
     for line in range(lines.shape[0]):
         # Count the corners outside the line.
@@ -143,7 +143,7 @@ def view_bounds(matrix: Doubles, height: int, width: int, reach: float) -> Doubl
 
 
 def view_bounds_of(matrix: Doubles, frame: tuple[int, int], reach: float) -> Doubles:
-    """Return `view_bounds` from Python: five lines are not worth machine code."""
+    """Return `view_bounds` in plain Python, which is fast enough for five lines."""
     return np.asarray(unwrap(view_bounds)(matrix, *frame, reach))
 
 
@@ -170,7 +170,7 @@ def _stretches(matrix: Doubles, u: Doubles, v: Doubles, ranges: Doubles, box: Do
 
 @kernel
 def _dice(rectangle: Integers, axis: int, length: float, quality: float, largest: float) -> int:
-    """Turn an axis of a rectangle, of `length` px per texel, into that of a block; count cells."""
+    """Turn an axis of a rectangle, of `length` px per texel, into a block's; count cells."""
     # Cut each texel into cells no longer than 1 / quality px.
     parts = 1 << rectangle[axis, DEPTH]
     cells = max(1, math.ceil(length * quality / parts - 1e-6))
@@ -188,7 +188,7 @@ def _dice(rectangle: Integers, axis: int, length: float, quality: float, largest
 
 @kernel
 def _longer(ranges: Doubles, cells: Integers) -> int:
-    """Axis along which a block has to be split; -1 if it may stay whole."""
+    """Axis along which to split a block; -1 if it may stay whole."""
     axis = 0 if cells[0] >= cells[1] else 1
     # Split if there are too many cells.
     if cells[axis] > LARGEST:
@@ -218,7 +218,7 @@ def _noted(
     reach: float,
     frame: tuple[int, int],
 ) -> tuple[Integers, Integers, int]:
-    """Append a block and its pixels to those found, if it meets the frame."""
+    """Append a block and its pixels to the list, if it meets the frame."""
     blocks, bounds, count = found
     # Grow the arrays when they are full.
     if count == blocks.shape[0]:
@@ -357,7 +357,7 @@ def _stretches_of_map(
 def split_map(
     x: Doubles, y: Doubles, frame: tuple[int, int], reach: float, quality: float
 ) -> tuple[Integers, Integers]:
-    """Split a source whose texels' places (H, W) a map gives; otherwise as `split_plane`."""
+    """Split a source by a map with the texels' places (H, W); otherwise as `split_plane`."""
     height, width = frame
     rows, columns = x.shape
 
@@ -392,7 +392,7 @@ def split_map(
             _copy(stack[top], block, 4)
             for axis in range(2):
                 cells[axis] = _dice(block, axis, ranges[axis, 1], quality, 0.0)
-            # Split what has too many cells or too uneven ones, down to single texels.
+            # Split blocks with too many or too uneven cells, down to single texels.
             axis = _longer(ranges, cells)
             if axis >= 0 and stack[top, axis, LENGTH] > 1:
                 depth += 2 * _split(stack, top, axis)

@@ -53,7 +53,7 @@ class Map(NamedTuple):
 
 @inner_kernel
 def steps(before: float, here: float, after: float) -> tuple[float, float]:
-    """Steps of a map to both sides; a missing or torn one is as the other."""
+    """Steps of a map to both sides; a missing or torn one equals the other."""
     left, right = here - before, after - here
     if not abs(left) <= FARTHEST or abs(left) > TORN * abs(right) + TORN:
         left = right
@@ -115,7 +115,7 @@ def fill_tiles(
     image: Floats,
     covered: Floats,
 ) -> None:
-    """Fill tiles of a picture with what their pixels cover; see `gather_tiles`."""
+    """Gather the pixels of a picture's tiles; see `gather_tiles`."""
     gather_tiles(counter, geometry, view, tiles, bounds, wanted, image, covered)
 
 
@@ -128,7 +128,7 @@ def measure(
     view: GridView,
     extent: Extent,
 ) -> None:
-    """Measure what tiles cover of the source; see `measure_tiles`."""
+    """Measure tiles' footprints in the source; see `measure_tiles`."""
     measure_tiles(counter, geometry, tiles, step, view, extent)
 
 
@@ -137,7 +137,7 @@ AT_EDGES = 8.0  # parts of a pixel along an axis where an edge of the source may
 
 
 class Pixels(NamedTuple):
-    """Tiles of pixels that read a source where a map leads."""
+    """Tiles of pixels that read a source by a map."""
 
     texels: Floats  # (H, W, C), prefiltered for interpolation along both axes
     edge: int
@@ -251,7 +251,7 @@ def _begun(source: Pixels, part: int) -> PixelPoints:  # noqa: ARG001
 
 @plays(lines, Pixels)
 def _lines(source: Pixels, part: int) -> int:
-    """Count the pixels of a tile, each of which is one line of the engine's loop."""
+    """Count the pixels of a tile; each is one line of the engine's loop."""
     tile = source.tiles[part]
     return int((tile[BOTTOM] - tile[TOP]) * (tile[RIGHT] - tile[LEFT]))
 
@@ -320,7 +320,7 @@ def _put_row_of_shares(
 
 
 class Differences(NamedTuple):
-    """By how much, at most about, light under a pixel differs from the light of its levels."""
+    """Approximate bound of the difference between light and levels' light under a pixel."""
 
     flat: Floats  # (H × W,) levels, at texels; infinite where too few are around
     size: tuple[int, int]  # H and W

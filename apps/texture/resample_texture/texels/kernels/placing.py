@@ -36,7 +36,7 @@ SMALLEST: Single = np.float32(1e-5)  # px; keeps divisions finite
 
 
 class TexelMapping(NamedTuple):
-    """Where texels go: by a homography, or by a map if that is not empty."""
+    """Mapping of texels: by a homography, or by a map unless it is empty."""
 
     matrix: Doubles  # (3, 3) source to target
     x: Doubles  # (H + 2, W + 2) places of the texels' centers, with a margin of one
@@ -353,5 +353,5 @@ def _fill(
 
 @parallel_kernel
 def paint_blocks(counter: Counter, source: Texture, spread: FilterTaps, parts: SourceParts) -> None:
-    """Paint every block to pixels of its own."""
+    """Paint every block to its own pixels."""
     paint_parts(counter, source, spread, parts)

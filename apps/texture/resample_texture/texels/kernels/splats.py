@@ -57,7 +57,7 @@ LARGE = 1 << 14  # px²
 
 
 class Shape(NamedTuple):
-    """How wide splats are, and which texels are points."""
+    """Width of splats, and threshold for points."""
 
     variance: float  # texels², of V_r along an axis
     filter_variance: float  # px², of V_h
@@ -129,7 +129,7 @@ def splat_on_plane(
 
 @kernel
 def slope(before: float, here: float, after: float) -> float:
-    """Central difference, or that on one side where the other has no place."""
+    """Central difference, or one-sided where the other side has no place."""
     if math.isfinite(before):
         return 0.5 * (after - before) if math.isfinite(after) else here - before
     return after - here
@@ -172,7 +172,7 @@ class Splatted(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What rows of a block's texels are made of and with."""
+    """Sources and scratch of rows of a block's texels."""
 
     batch: Batch
     splat: Floats  # (ROWS, N) of the engine's stamps
@@ -184,7 +184,7 @@ class Rows(NamedTuple):
 
 @kernel
 def _place_points(line: Floats, size: tuple[int, int], taps: int, batch: Batch) -> None:
-    """Place those of a row that are points on pixels (width, height)."""
+    """Place the points of a row on pixels (width, height)."""
     width, height = size
     before = np.float32(0.5 * taps - 0.5)
     limit_x, limit_y = np.float32(width - taps + 1), np.float32(height - taps + 1)
@@ -266,7 +266,7 @@ def _stamp(work: Rows, ground: Ground) -> None:
 def splat_blocks(
     counter: Counter, source: Splatted, spread: FilterTaps, parts: SourceParts
 ) -> None:
-    """Add the texels of every block to pixels of its own."""
+    """Add the texels of every block to its own pixels."""
     paint_parts(counter, source, spread, parts)
 
 
@@ -283,7 +283,7 @@ def _clip(box: Doubles, frame: tuple[int, int], margin: int, bounds: Integers) -
 
 @kernel
 def _box_on_plane(matrix: Doubles, u: Doubles, v: Doubles, shape: Shape, box: Doubles) -> None:
-    """Bounds on screen of all splats whose texels have their centers in a rectangle."""
+    """Bounds on screen of all splats of texels with centers in a rectangle."""
     box[:2], box[2:] = math.inf, -math.inf
     across, down, nearest = 0.0, 0.0, math.inf
     for corner in range(4):
@@ -318,7 +318,7 @@ def _whole_block(rectangle: Integers, block: Integers) -> None:
 def blocks_on_plane(
     matrix: Doubles, root: Integers, lines: Doubles, frame: tuple[int, int], shape: Shape
 ) -> tuple[Integers, Integers]:
-    """Blocks of a plane whose splats a frame sees: axes (B, 2, 6), and bounds (B, 4), px.
+    """Blocks of a plane with splats in a frame: axes (B, 2, 6), and bounds (B, 4), px.
 
     `lines`: (L, 3) around the centers of texels that can be seen; behind the last, J is unreliable.
     """

@@ -16,7 +16,7 @@ DENSE = 4096
 
 
 class Extract(NamedTuple):
-    """Which part of a source an array of texels is."""
+    """Part of a source that an array of texels covers."""
 
     height: int  # of the source
     width: int
@@ -285,7 +285,7 @@ def cell_offsets(block: Integers) -> Floats:
 
 @inner_kernel
 def extents(block: Integers, axis: int) -> tuple[float, float]:
-    """Length of a cell and of a texel (or of those joined), in texels."""
+    """Length of a cell and of a texel (or of joined texels), in texels."""
     joined = 2.0 ** block[axis, LEVEL]
     return joined / block[axis, CUT], joined
 

@@ -1,7 +1,7 @@
 """Links between neighbours on one surface of a depth image, and its slopes.
 
 Everything is measured in nearness, which is linear on planes as seen by a pinhole: on a plane the
-second differences vanish, so a jump that the slope beside it explains is no edge.
+second differences vanish, so a jump that the slope beside it explains is not an edge.
 """
 
 import math
@@ -92,7 +92,7 @@ def _link_axis(nearness: Floats, row: int, down: bool, tolerance: Doubles, links
 
 @parallel_kernel
 def link_rows(counter: Counter, nearness: Floats, tolerance: Doubles, links: Links) -> None:
-    """Find which neighbours lie on one surface: the bits RIGHT and DOWN.
+    """Find neighbours on one surface: the bits RIGHT and DOWN.
 
     `nearness`: (H, W); 0 where unknown. `tolerance`: (2,) a and b: jumps up to a + b δ are no
     edges. `links`: (H, W) filled.

@@ -15,12 +15,12 @@ from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
 
-TEXTURE = 5.0  # weight of the contrast of both surfaces' textures against that of the edge
+TEXTURE = 5.0  # weight of the contrast of both surfaces' textures against the edge's
 MISFIT = 3.0  # the same for color that no mixture of the two explains
 FAINT = 1e-3  # contrast below which an edge's color is ignored, of squared color
 LIMB = 0.95  # reduction of color's weight where the depth shows the surface curving away
 CLEAR = 8.0  # a step shows that if it exceeds so many errors of the nearness
-ROUND = 0.93  # ratio of the last two steps of nearness from which on a surface is no limb
+ROUND = 0.93  # ratio of the last two steps of nearness from which on a surface is not a limb
 
 
 @kernel

@@ -76,12 +76,12 @@ class Refined(NamedTuple):
 
     @property
     def choice(self) -> "RefinementChoice":
-        """What was chosen, for other pictures of the shot."""
+        """Choices, for other pictures of the shot."""
         return RefinementChoice(self.chosen, self.enlargement, self.findings, self.noise)
 
 
 class RefinementChoice(NamedTuple):
-    """What was chosen for a shot's first picture, and holds for all of the shot."""
+    """Choices for a shot's first picture, which hold for the whole shot."""
 
     name: str  # one of `REFINES`, except auto
     enlargement: Enlargement | None
@@ -105,7 +105,7 @@ def refine(
     image
         Color and nearness; nearness may have another size if it shows the same frame.
     name
-        `auto` looks for defects, and keeps a map whose edges are where colors change. `snap` moves
+        `auto` looks for defects, and keeps a map with edges where colors change. `snap` moves
         hard edges to color edges, `sharpen` hardens soft edges, `shift` moves the whole map by the
         pixels that its edges are off; all also fill gaps up to 24 px from known samples, where
         colors continue. `complete` only fills gaps, `none` does nothing. `densify` interpolates
@@ -201,7 +201,7 @@ def refine(
 def _repaired(
     task: RefinementTask, chosen: str, nearness: Floats, small: SmallMap | None
 ) -> tuple[Floats, Floats]:
-    """Apply a refinement but for filling; also return the share of votes, 1 where unchanged."""
+    """Apply a refinement without filling; also return the share of votes, 1 where unchanged."""
     if chosen == "sharpen":
         if small is not None and not small.is_repeated:
             return _grown(task, small, nearness)
@@ -253,7 +253,7 @@ def _softness(nearness: Floats, noise: float, step: float) -> Findings:
 
 
 def _error(nearness: Floats, small: SmallMap) -> Floats:
-    """Return how far means of a map are off the samples of a small one, relatively, smoothed."""
+    """Return the relative error of a map's means against a small map's samples, smoothed."""
     import cv2
 
     mean = small.means(depth_of(nearness) if small.is_depth else nearness)
@@ -297,7 +297,7 @@ def _sharpened(
 
 
 def _only_at_edges(given: Floats, found: Floats, changed: Mask, reach: int) -> Floats:
-    """Return what was found within `reach` px of changed samples, and what was given elsewhere."""
+    """Return refined values within `reach` px of changed samples, and the given ones elsewhere."""
     import cv2
 
     height, width = given.shape

@@ -16,7 +16,7 @@ APART = 0.2  # of the larger nearness: neighbours that differ by more are on oth
 BENT = 0.01  # relative nearness: neighbours farther from a plane weigh less than half
 ROUNDS = 3  # of fitting a plane
 FLAT = 0.3  # weight of a plane without slope, in neighbours at the usual distance
-LINES = 0.7  # of what scattered samples fill: scan lines fill fewer rows or columns
+LINES = 0.7  # of the rows or columns that scattered samples fill: scan lines fill fewer
 MOST_APART = 5.0  # px: samples farther apart are interpolated in a smaller picture
 REACH = 1.8  # distances between samples from which votes come
 FAR, NEAR = 0.7, 0.35  # of these, standard deviations of the weights for a surface and nearness
@@ -30,7 +30,7 @@ def spacing_of(nearness: Floats) -> Doubles:
     height, width = int(np.ptp(row)) + 1, int(np.ptp(column)) + 1
     rows, columns = np.unique(row).size / height, np.unique(column).size / width
     share = row.size / (height * width)
-    # Compare with what as many samples fill where they are scattered.
+    # Compare with the rows that as many scattered samples fill.
     few_rows, few_columns = (
         filled < LINES * (1.0 - (1.0 - share) ** count)
         for filled, count in ((rows, width), (columns, height))

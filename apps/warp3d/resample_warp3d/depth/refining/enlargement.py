@@ -1,4 +1,4 @@
-"""Find the small map that a map was enlarged from, by any ratio, and what its samples show.
+"""Find the small map that a map was enlarged from, by any ratio, and its samples.
 
 Sample k of the small map lies where step · px + start = k, along each axis. Enlarged by
 repetition, a map steps only between blocks; interpolated, it bends only at samples. The periods of
@@ -38,11 +38,11 @@ LARGE_STEP = 0.08  # of the larger value: steps of noisy maps that count, betwee
 FEW_LARGE = 64  # of them: fewer tell nothing
 UNLIKE = 0.7  # of a fit half a sample beside: fits that leave more at first are not refined
 ROUGH = 10.0  # times what a fit may leave: the same where most bends are
-CLEAR = 4.0  # times the error of a fit: that of one half a sample beside
+CLEAR = 4.0  # times the error of a fit: error of one half a sample beside
 ALIKE = 4e-3  # of the bends: what interpolated maps may leave, stored as they are
 OFF = 2e-4  # of the range: values farther off were not interpolated
-FEW = 1e-2  # share of such values in enlarged maps, some of which were clipped
-SHARPNESS = -0.75  # of bicubic interpolation, as of OpenCV
+FEW = 1e-2  # share of such values in enlarged maps, where some were clipped
+SHARPNESS = -0.75  # of bicubic interpolation, as in OpenCV
 BAND = 3  # samples that a sample shares interpolated values with
 UNSEEN = 0.2  # of a sample: outer ones that lie farther outside are not solved for
 ON_CORNERS = 0.03  # of a sample: outermost px this close to outermost samples were aligned
@@ -68,12 +68,12 @@ class Axis(NamedTuple):
 
 
 class Enlargement(NamedTuple):
-    """How a map was enlarged; pictures of a shot share it."""
+    """Enlargement of a map; pictures of a shot share it."""
 
     rows: Axis  # as fitted
     columns: Axis
     is_repeated: bool  # in blocks, not interpolated
-    is_depth: bool = False  # what was interpolated
+    is_depth: bool = False  # interpolated quantity
     is_cubic: bool = False
 
 
@@ -125,7 +125,7 @@ class SmallMap:
 
 
 def small_map(nearness: Floats, step: float, *, is_soft: bool) -> SmallMap | None:
-    """Return the map that a map was enlarged from; None if none is found.
+    """Return the map that a map was enlarged from; None if not found.
 
     `nearness`: (H, W); 0 where unknown. `step`: its quantization. `is_soft`: most edges span
     several samples; others were not interpolated.
@@ -138,9 +138,9 @@ def small_map(nearness: Floats, step: float, *, is_soft: bool) -> SmallMap | Non
 
 
 def small_map_like(nearness: Floats, step: float, how: Enlargement) -> SmallMap | None:
-    """Return the map that a map was enlarged from as another was; None if it was not.
+    """Return a map's small map by another's enlargement; None if it does not fit.
 
-    `nearness`, `step`: as of `small_map`.
+    `nearness`, `step`: as in `small_map`.
     """
     if how.is_repeated:
         return _amid_blocks(nearness, how)
@@ -148,9 +148,9 @@ def small_map_like(nearness: Floats, step: float, how: Enlargement) -> SmallMap 
 
 
 def _of_blocks(nearness: Floats) -> SmallMap | None:
-    """Return the map that was enlarged by repetition; each value is that amid a block.
+    """Return the map that was enlarged by repetition, with values from the blocks' middles.
 
-    In noisy maps, such as of JPEG files, only steps between surfaces count. Where half of the map
+    In noisy maps, such as from JPEG files, only steps between surfaces count. Where half of the map
     is flat along an axis, the other axis tells the ratio.
     """
     for is_noisy, most in ((False, BESIDE), (True, NOISY_BESIDE)):
@@ -188,7 +188,7 @@ def _amid(axis: Axis, count: int) -> tuple[Axis, NDArray[np.int64]]:
 
 
 def _steps(values: Floats, *, is_noisy: bool) -> Doubles:
-    """Count the steps between each column and the next; none where they are few.
+    """Count the steps between each column and the next; 0 where they are few.
 
     In noisy maps large ones are added up, relative to the larger value.
     """
@@ -220,7 +220,7 @@ def _periods(profiles: Iterable[Doubles]) -> list[float]:
 
 
 def _evened(profile: Doubles) -> Doubles:
-    """Return a profile relative to its mean around, limited, so that no object outweighs others."""
+    """Return a profile relative to its local mean, clamped so that no object dominates."""
     window = np.ones(min(2 * int(LARGEST) + 1, profile.size))
     mean = np.convolve(profile, window, "same") / np.convolve(np.ones_like(profile), window, "same")
     return np.asarray(np.minimum(profile / np.maximum(mean, 1.0), MOST_EVEN))
@@ -235,9 +235,9 @@ def _phase(profile: Doubles, step: float) -> float:
 def _borders(
     profile: Doubles, steps: Iterable[float], most: float, fewest: int | None = None
 ) -> Axis | None:
-    """Return the largest blocks at whose borders nearly all steps are; None if there are none.
+    """Return the largest blocks with nearly all steps at their borders; None if not found.
 
-    `most`: steps beside borders, of those that chance would put there. `fewest`: borders with
+    `most`: share of steps beside borders, of the steps expected by chance. `fewest`: borders with
     steps; half of those between the outermost steps by default. Of all places of borders with the
     same steps the middle is taken.
     """
@@ -295,7 +295,7 @@ def _of_samples(nearness: Floats, step: float, how: Enlargement) -> SmallMap | N
 
 
 def _trimmed(small: SmallMap, shape: tuple[int, ...]) -> SmallMap:
-    """Drop samples whose cells lie outside the frame, and return where the others belong.
+    """Drop samples with cells outside the frame, and return the others' positions.
 
     Enlargement that puts the outermost samples on the outermost px (`align_corners`) stretches what
     they show, which are equal parts of the frame, as in any other small map.
@@ -322,7 +322,7 @@ def _fitted_axis(
     """Return where samples lie along rows, if these were interpolated from them.
 
     `likely`: steps that are tried first. A fit counts if one between its samples is far worse:
-    what is smooth agrees with any ratio and phase.
+    smooth maps agree with any ratio and phase.
     """
     lines = values[:: max(1, len(values) // LINES)].astype(np.float64)
     bends = [np.abs(np.diff(lines, order, axis=1)) for order in (2, 3)]
@@ -394,7 +394,7 @@ def _refined(rows: Doubles, axis: Axis, rounds: int, *, is_cubic: bool) -> tuple
 def _solved(
     rows: Floats | Doubles, axis: Axis, *, is_cubic: bool
 ) -> tuple[Doubles, Axis, "csr_array"]:
-    """Return the short rows (H, w) that, enlarged, fit rows (H, W) best; their axis, and how."""
+    """Return the short rows (H, w) that, enlarged, fit rows (H, W) best; axis and interpolation."""
     from scipy.linalg import solveh_banded
 
     matrix, first = _interpolation(rows.shape[1], axis, is_cubic=is_cubic)
@@ -461,7 +461,7 @@ def parted(values: Floats) -> tuple[Floats, Mask]:
 
 
 def _means(values: Floats) -> Mask:
-    """Return which samples lie between two surfaces, along rows or columns."""
+    """Return flags of samples between two surfaces, along rows or columns."""
     found = np.zeros(values.shape, np.bool_)
     for axis in (0, 1):
         for count in range(1, MEANS + 1):

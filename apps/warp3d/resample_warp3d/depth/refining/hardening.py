@@ -1,4 +1,4 @@
-"""Harden the edges of depth maps and move them to those of color, by votes.
+"""Harden the edges of depth maps and move them to color edges, by votes.
 
 Samples near edges are assigned to surfaces by votes of samples around them, weighted by color
 (`voting`). Samples between two surfaces, and unknown ones, do not vote.
@@ -35,7 +35,7 @@ HARMLESS = 0.5  # px, standard deviation of a blur that does not affect thin obj
 BLURRED = 1.1  # times the deviation found, as the ends of soft edges are missed
 LEAST = 0.4  # least share of a sample that a thin object covers
 THIN_WEIGHT = 0.1  # weight of samples of thin objects once their value is restored
-SAMPLED = 1 << 16  # px whose colors tell their deviation
+SAMPLED = 1 << 16  # px sampled for the deviation of colors
 NOISY = 12.0  # times the noise: larger jumps are edges
 
 
@@ -77,7 +77,7 @@ class Ballot(NamedTuple):
 
 
 def unblocked(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[Floats, Floats]:
-    """Interpolate a map of blocks, and move its edges to those of color; also return the votes."""
+    """Interpolate a map of blocks, and move its edges to color edges; also return the votes."""
     axes = small.rows, small.columns
     start = enlarged(small.values, (nearness.shape[0], nearness.shape[1]), axes)
     off = int(small.side / 2.0)
@@ -87,7 +87,7 @@ def unblocked(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[
 def grown(
     task: RefinementTask, nearness: Floats, off: int, mixed: Mask | None
 ) -> tuple[Floats, Floats]:
-    """Move edges that are off by up to `off` px to those of color; also return the votes.
+    """Move edges that are off by up to `off` px to color edges; also return the votes.
 
     Votes come from four times as far, and then from twice as far. `mixed`: as `hardened` takes it.
     """
@@ -105,7 +105,7 @@ def hardened(
     mixed: Mask | None = None,
     where: Mask | None = None,
 ) -> tuple[Floats, Floats]:
-    """Move edges of nearness to those of color; also return the share of votes.
+    """Move edges of nearness to color edges; also return the share of votes.
 
     `reach`: px from which votes come. `mixed`: further samples between surfaces. `where`: samples
     that may change, with those within `reach` of them; by default all.
@@ -169,7 +169,7 @@ def counted(
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Count the votes for a band of samples; return nearness and share of votes.
 
-    Slopes are those of a few samples: none makes a known sample nearer than all as far around. A
+    Slopes are taken from a few samples: none makes a known sample nearer than all as far around. A
     sample for which none votes stays. `is_rough`: for one in four samples; the others follow the
     ones with the most similar colors.
     """
@@ -187,7 +187,7 @@ def counted(
 
 
 def _with_thin_things(task: RefinementTask, ballot: Ballot, refined: Floats) -> Ballot:
-    """Restore the nearness of thin objects that blur has reduced, for the votes."""
+    """Restore the nearness of thin objects reduced by blur, for the votes."""
     from resample_warp3d.depth.refining.kernels.softness import Blur, restore
 
     blurred = depth_of if task.findings.is_depth else np.array

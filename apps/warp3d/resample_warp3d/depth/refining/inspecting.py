@@ -1,6 +1,6 @@
 """Inspect depth maps: valid samples, quantization, noise, links between samples, defects.
 
-All of it is measured: soft edges span several samples, displaced ones run beside those of the
+Everything is measured: soft edges span several samples, displaced ones run beside edges of the
 picture, and enlarged maps change only every few samples.
 """
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 CLEAR = 0.1  # relative nearness: least jump examined
 REACHES = (4, 8, 16, 32, 64)  # px within which edges are looked for, the nearest first
-WIDE = 1.7  # px: edges from 10 to 90 % of which are soft
+WIDE = 1.7  # px: edges this wide from 10 to 90 % are soft
 MANY_SOFT = 0.5  # share of soft edges from which a map is soft
 FAINT = 0.8  # px, standard deviation of a blur below which edges count as hard
 SHARPEST = 0.8  # px, width of a hard edge between two samples
-LARGE = 0.25  # of the larger value: jumps whose skew is measured
+LARGE = 0.25  # of the larger value: jumps with measured skew
 LITTLE = 0.05  # of an edge's steepest step: smaller ones do not count in its skew
 BLUR_WIDTH = 2.563  # from 10 to 90 % of a blurred edge, standard deviations
-EXAMINED = 1 << 18  # samples along each axis whose edges are measured
+EXAMINED = 1 << 18  # samples along each axis with measured edges
 BESIDE = 2  # px around a measured edge where no wider window measures another
 SOFTEST = 5.0  # px, deviation of a blur beyond which colors no longer tell where edges were
-WIDEST = 2.7  # px: the same of edges with overshoot, and of those that votes reach across
+WIDEST = 2.7  # px: the same of edges with overshoot, and of edges that votes reach across
 OVERSHOOT = 0.02  # of the jump: edges exceed both of their sides by more in sharpened maps
 DISPLACED = 0.8  # of the largest color change near edges: with less at them, edges are displaced
 HOLEY = 1e-3  # share of samples without depth from which they are filled
@@ -297,7 +297,7 @@ def linked(nearness: Floats, quantum: float, noise: float) -> Links:
 def noise_of(nearness: Floats, links: Links) -> float:
     """Return the relative standard deviation of the nearness about its surfaces.
 
-    From the mean of all but the largest fifth of absolute second differences, whose deviation is √6
+    From the mean of all but the largest fifth of absolute second differences. Their deviation is √6
     times that of the noise. A median would miss surfaces that are quantized.
     """
     from resample_warp3d.depth.kernels.linking import curvatures

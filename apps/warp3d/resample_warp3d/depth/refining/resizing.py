@@ -15,7 +15,7 @@ PROPORTION = 0.02  # by which the aspect ratios of depth and color may differ
 def fitted(image: DepthImage, is_soft: Callable[[Floats], bool] = is_sharpened) -> DepthImage:
     """Enlarge a depth image's depth to the size of its color.
 
-    Soft edges, as of networks, stay smooth for refinement, which finds them by color; others are
+    Soft edges, as from networks, stay smooth for refinement, which finds them by color; others are
     kept apart, surface by surface. `is_soft` tells of nearness without gaps.
     """
     height, width = image.nearness.shape
@@ -79,7 +79,7 @@ def reduced(values: Floats, shape: tuple[int, int]) -> Floats:
 
 
 def reduced_known(values: Floats, shape: tuple[int, int]) -> Floats:
-    """Reduce nearness or depth to the means of what is known, 0 where less than half is."""
+    """Reduce nearness or depth to the means of known values, 0 where less than half is known."""
     share = reduced((values > 0).astype(np.float32), shape)
     mean = reduced(values, shape) / np.maximum(share, np.float32(0.5))
     return np.where(share >= 0.5, mean, np.float32(0))

@@ -16,7 +16,7 @@ from resample.types import Doubles, Floats, Records
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Equation, Source
 
 EDGE_ON = 1e-6  # 1 + a · M⁻¹ e of a surface that is seen from the side
-LARGEST = 1e6  # px of the target per px of the source; what is larger touches the eye
+LARGEST = 1e6  # px of the target per px of the source; larger samples touch the eye
 ALL = LEFT | RIGHT | UP | DOWN
 
 
@@ -44,7 +44,7 @@ def place_samples(
     """Place all samples of a source in a frame (height, width).
 
     `back`: (3, 4) M⁻¹ and, in the last column, M⁻¹ e. `cores`: index up to which a sample hides
-    what is behind: inside surfaces, and at boundaries.
+    samples behind: inside surfaces, and at boundaries.
     """
     height, width = source.nearness.shape
     for row in tasks(counter, height):
@@ -112,7 +112,7 @@ def _place(
 def _set_normal(
     normal: Floats, n: int, a: tuple[float, float, float], shape: tuple[int, int]
 ) -> None:
-    """Unit normal Kᵀ a of a plane, for a camera whose focal length is the longer side."""
+    """Unit normal Kᵀ a of a plane, for a camera with its longer side as focal length."""
     focal, middle = float(max(shape)), a[0] * 0.5 * shape[1] + a[1] * 0.5 * shape[0] + a[2]
     p, q = focal * a[0], focal * a[1]
     length = math.sqrt(p * p + q * q + middle * middle)

@@ -166,7 +166,7 @@ def bridge_rows(
 
 @kernel
 def on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
-    """Place on a distorted source's lattice of what an ideal camera shows at x, y."""
+    """Place on a distorted source's lattice of an ideal camera's x, y."""
     height, width = place.shape[0], place.shape[1]
     # Iterate to the fixed point: distortion changes little within a pixel.
     u, v = x, y

@@ -259,7 +259,7 @@ def _extended(nearness: Floats, links: Links, row: int, column: int, x: float, y
 
 @kernel
 def _smooth_vertices(nearness: Floats, links: Links, row: int, vertex: Floats) -> None:
-    """Corners whose four samples are linked to all their neighbours; 0 for others.
+    """Corners of four samples that are linked to all their neighbours; 0 for others.
 
     Means of the four extrapolations by central differences; branch-free for SIMD.
     """

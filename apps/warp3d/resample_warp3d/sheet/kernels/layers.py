@@ -1,7 +1,7 @@
 """Paint cells into two layers per pixel: the nearest surface, and the next.
 
 A band of the target's rows belongs to one thread, which makes three passes over the source's cells:
-for the nearest surface of every pixel, for the nearest of those behind it, and to add colors. A
+for the nearest surface of every pixel, for the nearest one behind it, and to add colors. A
 cell adds to a pixel by the area that it covers; the sum is the layer's coverage. Where the nearest
 surface leaves a pixel partly uncovered, at silhouettes, the second one shows.
 
@@ -265,7 +265,7 @@ def _take_nearest(
 
 @plays(skips, BackPass)
 def _skips_front(look: BackPass, strip: SheetStrip, member: int, nth: int) -> bool:
-    """Skip segments of cells that lie in front everywhere: nothing of them is behind."""
+    """Skip segments of cells that lie in front everywhere."""
     row, segment = divmod(member, strip.screen.bounds.shape[1])
     bounds, frame, least = strip.screen.bounds[row, segment], strip.frame, look.least[nth]
     left, right = max(0, bounds[0]), min(frame.width, bounds[2])
@@ -338,7 +338,7 @@ def _take_colors(
 
 @inner_kernel
 def _closed(mass: Single, rim: Single) -> Single:
-    """Share of what is missing of a pixel that the gaps between a surface's parts explain.
+    """Share of a pixel's missing coverage that gaps between a surface's parts explain.
 
     `mass`: coverage by the surface. `rim`: coverage by their parts at open sides.
     """
@@ -357,7 +357,7 @@ def _resolve(look: Adding, area: Floats, frame: BandFrame, picture: LayerPicture
             pixel = (y - frame.first) * frame.width + x
             at = np.uint64(8 * pixel)
             near_mass, far_mass = sums[at + np.uint64(3)], sums[at + np.uint64(7)]
-            # Boxes only approximate cells: count what is nearly full, or overfull, as full.
+            # Boxes only approximate cells: count nearly full and overfull pixels as full.
             filled = min(max(near_mass + far_mass, FULL), ONE)
             share = min(near_mass / filled, ONE)
             total = min((near_mass + far_mass) / filled, ONE)

@@ -68,7 +68,7 @@ class NearestCells(NamedTuple):
 def _fill_slots(
     begin: int, end: int, i: int, j: int, frame: BandFrame, numbers: Floats, places: Indices
 ) -> None:
-    """Fill a slot with the pixels whose centers cells cover, and their nearness."""
+    """Fill a slot with the pixels with centers covered by cells, and their nearness."""
     for n in range(begin, end):
         m = np.uint64(n)
         # Reject pixels outside the cell's bounds.

@@ -12,8 +12,8 @@ from resample.types import Doubles, Floats, Single
 Indices = NDArray[np.int32]
 
 SEGMENT = 64  # cells of a row that are bounded, culled and measured together
-NEAREST = 1e-6  # of the matrix's scale: what is nearer to the camera's plane is behind it
-FARTHEST = 1e6  # px: what is farther outside than this is not on any screen
+NEAREST = 1e-6  # of the matrix's scale: points nearer to the camera's plane are behind it
+FARTHEST = 1e6  # px: points farther outside than this are on no screen
 OFF_SCREEN = np.int32(2**30)  # px
 BLOCK = 256  # torn cells that a thread projects at a time
 
@@ -23,7 +23,7 @@ class SheetScreen(NamedTuple):
 
     vertex: Floats  # (3, H + 1, W + 1) of `project_vertices`
     torn: Floats  # (N, 4, 3) of `project_corners`
-    own: Indices  # (H, W) which cells have corners of their own; see `bound_segments`
+    own: Indices  # (H, W) which cells have their own corners; see `bound_segments`
     bounds: Indices  # (H, segments, 4) of `bound_segments`
 
 

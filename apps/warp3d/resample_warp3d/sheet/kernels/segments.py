@@ -47,12 +47,12 @@ STEEP: Single = np.float32(0.05)  # of the nearness: limit of a surface's change
 LARGEST: Single = np.float32(4096)  # px: a longer cell crosses the camera's plane and is dropped
 SMALLEST: Single = np.float32(1e-9)  # px²: a cell seen edge-on covers nothing
 SHEAR: Single = np.float32(0.3)  # of a cell's length: limit of the lean of upright sides
-LEAN: Single = np.float32(0.4)  # px: limit of that lean, too
-VOID: Single = np.float32(0.1)  # px²: limit of what boxes leave open where four of them meet
+LEAN: Single = np.float32(0.4)  # px: limit of the lean, too
+VOID: Single = np.float32(0.1)  # px²: limit of the gap that boxes leave where four of them meet
 SMALL: Single = np.float32(0.9)  # px, at quality 1: shorter upright cells have one color
 SHEARED: Single = np.float32(0.25)  # of their sides' lengths: area of much sheared cells, squared
 NOWHERE: Single = np.float32(-1)  # nearness
-SHARED = -1  # in a sheet's index: a cell whose corners are the lattice's
+SHARED = -1  # in a sheet's index: a cell with the lattice's corners
 WASTE = 4  # slots of a run's cells per pixel that they may meet, at most
 
 # How a cell is painted: not, in one color, as a box, cut into parts, or into finer ones.
@@ -83,7 +83,7 @@ FROM_COLUMN, FROM_ROW, TO_COLUMN, TO_ROW, WAY = _rows(0, 5)
 COLUMN, ROW, PARTS_U, PARTS_V, PIXEL = _rows(5, 5)
 # Runs of cells that are painted alike: first, last (excluded), and most rows and columns of them.
 BEGIN, END, ROWS, COLUMNS = _rows(10, 4)
-(OPEN,) = _rows(14, 1)  # bits of a cell's sides, as of links, at which its surface ends
+(OPEN,) = _rows(14, 1)  # bits of a cell's sides, as in links, at which its surface ends
 PLACES = SEGMENT * 15
 
 
@@ -99,7 +99,7 @@ class BandFrame(NamedTuple):
 
 
 class SheetStrip(NamedTuple):
-    """A sheet, of which a band is painted; members are segments, row by row."""
+    """A sheet, painted in bands; members are segments, row by row."""
 
     screen: SheetScreen
     frame: BandFrame
@@ -116,7 +116,7 @@ class SegmentCells(NamedTuple):
 def _load_corners(
     screen: Floats, torn: Floats, index: Indices, row: int, start: int, count: int, numbers: Floats
 ) -> int:
-    """Copy the corners of a segment's cells, and count those that do not share them."""
+    """Copy the corners of a segment's cells, and count cells that do not share them."""
     # Copy left and right corners in two loops, each of contiguous memory.
     above, below = np.uint64(row), np.uint64(row) + np.uint64(1)
     for n in range(count):
@@ -129,7 +129,7 @@ def _load_corners(
         numbers[Q_X + m], numbers[S_X + m] = screen[0, above, right], screen[0, below, right]
         numbers[Q_Y + m], numbers[S_Y + m] = screen[1, above, right], screen[1, below, right]
         numbers[Q_NEAR + m], numbers[S_NEAR + m] = screen[2, above, right], screen[2, below, right]
-    # Overwrite those of torn cells; cells without depth become invisible.
+    # Overwrite torn cells' bounds; cells without depth become invisible.
     alone = 0
     for n in range(count):
         m, own = np.uint64(n), index[row, start + n]
@@ -214,7 +214,7 @@ def _choose_ways(count: int, frame: BandFrame, numbers: Floats, places: Indices)
         is_seen &= places[FROM_ROW + m] < places[TO_ROW + m]
         # Paint nearly axis-aligned cells as boxes, short ones in one color, others in parts.
         is_upright = (abs(ay) <= shear * abs(ax)) & (abs(bx) <= shear * abs(by))
-        # Boxes whose sides lean in both directions leave a gap where four of them meet.
+        # Boxes with sides that lean in both directions leave a gap where four of them meet.
         is_upright &= (max(abs(ay), abs(bx)) <= LEAN) & (abs(ay * bx) <= VOID)
         is_upright &= least_shear == ZERO
         longest = max(ax * ax + ay * ay, bx * bx + by * by)

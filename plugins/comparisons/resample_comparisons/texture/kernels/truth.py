@@ -78,7 +78,7 @@ def _cast_row(
                 weight = down[m] * across[n]
                 for c in range(channels):
                     value[c] += weight * source[r, k, c]
-        # Add the value to the pixels whose filter covers the ray.
+        # Add the value to the pixels with filters that cover the ray.
         first = max(0, (q - beyond) // rays)
         last = min(pixels - 1, (q + beyond) // rays)
         for p in range(first, last + 1):

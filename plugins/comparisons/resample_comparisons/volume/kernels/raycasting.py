@@ -71,7 +71,7 @@ def _cut(part: tuple[float, float], here: float, slope: float) -> tuple[float, f
 
 @kernel
 def _new_ray(x: float, y: float, grid: Grid, view: View, plan: CastingOptions) -> ReferenceRay:
-    """Ray through a point of the screen, px, clipped to all that bounds it.
+    """Ray through a point of the screen, px, clipped to all bounds.
 
     That is the samples' box, the near plane and the clip planes.
     """

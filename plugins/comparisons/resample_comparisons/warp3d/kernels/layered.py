@@ -225,7 +225,7 @@ def splat_in_order(
 ) -> None:
     """Composite all samples, back to front, in McMillan's occlusion-compatible order.
 
-    `walks`: (2, 2, 3) as of `mcmillan.place_samples`. `patches`: (S, 2 S − 1, 2 S − 1) opacities of
+    `walks`: (2, 2, 3) as in `mcmillan.place_samples`. `patches`: (S, 2 S − 1, 2 S − 1) opacities of
     splats 1, 3, 5 … px wide, each in the upper left corner. `rendered`: zeros, filled.
     """
     for upper in range(2):

@@ -220,7 +220,7 @@ def divide_rows(
 ) -> None:
     """Divide the quads between samples into triangles.
 
-    `vertex`: (H, W, 4) as of `project_rows`. `rule`: largest step of nearness within a triangle,
+    `vertex`: (H, W, 4) as in `project_rows`. `rule`: largest step of nearness within a triangle,
     relative to the farthest (below 0: only where samples are linked), and the sign of the area of
     front faces. `parts`: (H − 1, W − 1) filled: which triangles are drawn. `box`: (H − 1, W − 1, 4)
     filled: left, top, right, bottom of them in the target, px.

@@ -107,9 +107,9 @@ def sort_rows(
 ) -> None:
     """Find the quads that are filled and the samples that are drawn alone.
 
-    `vertex`: (H, W, 4) as of `meshing.project_rows`. `orientation`: sign of the area of front
+    `vertex`: (H, W, 4) as in `meshing.project_rows`. `orientation`: sign of the area of front
     faces. `kind`: (H, W) filled: the bits QUAD and ALONE. `box`: (H, W, 4) filled: left, top,
-    right, bottom of what is drawn in the target, px.
+    right, bottom of the drawn part of the target, px.
     """
     for row in tasks(counter, kind.shape[0]):
         _sort_row(source, equation, vertex, orientation, row, kind, box)

@@ -161,7 +161,7 @@ def _noise(u: float, v: float, seed: int) -> float:
 
 @kernel
 def _octaves(u: float, v: float, count: int, seed: int) -> float:
-    """Fractal noise, whose contrast falls with frequency as in photographs; 0..1."""
+    """Fractal noise with contrast that falls with frequency as in photographs; 0..1."""
     total, weight, share = 0.0, 0.0, 1.0
     for n in range(count):
         total += share * _noise(u, v, seed + n)

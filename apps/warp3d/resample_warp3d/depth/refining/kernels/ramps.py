@@ -65,7 +65,7 @@ def _ends(step: Doubles, n: int, edges: Edges) -> tuple[int, int]:
 
 @kernel
 def _slope(step: Doubles, first: int, last: int) -> float:
-    """Larger slope beyond a run's ends, of those in the same direction."""
+    """Larger slope beyond a run's ends, among slopes of the same direction."""
     up, found = step[first] > 0, 0.0
     # Average two steps on each side.
     if first >= 2:
@@ -96,7 +96,7 @@ def _mark_line(nearness: Floats, line: int, down: bool, edges: Edges, mark: Mark
         most = np.float64(max(here, there))
         if abs(step[n]) <= SLIGHT * most or not _is_steepest(step, n):
             continue
-        # Accept runs whose jump exceeds what the slopes beside them explain.
+        # Accept runs with a larger jump than the slopes beside them explain.
         first, last = _ends(step, n, edges)
         jump = abs(step[first : last + 1].sum())
         explained = min(_slope(step, first, last), EVEN * most) * (last - first + 1)
@@ -181,7 +181,7 @@ def profile_edges(
             for axis in range(2):
                 kind = mark[row, column, axis]
                 at, size = (column, mark.shape[1]) if axis == 0 else (row, mark.shape[0])
-                # Skip steps that are no edge, and edges near the frame's border.
+                # Skip steps that are not edges, and edges near the frame's border.
                 if kind == 0 or at < REACH or at + REACH + 1 >= size:
                     continue
                 # Read the changes from the far side to the near one.
@@ -201,7 +201,7 @@ class Bends(NamedTuple):
 
     length: int  # samples on each side, at most
     steepest: float  # of the nearness, change per sample
-    bent: float  # of the nearness, change of that per sample; 0: planes
+    bent: float  # of the nearness, change of the slope per sample; 0: planes
 
 
 @kernel

@@ -58,7 +58,7 @@ def _excess(values: Floats, row: int, column: int, width: float, up: bool) -> fl
 
 @kernel
 def _edge(values: Floats, row: int, column: int, reach: int, found: Doubles) -> bool:
-    """Measure the edge whose middle lies after a sample, if there is one; see `measure_widths`."""
+    """Measure the edge with its middle after a sample, if any; see `measure_widths`."""
     first = np.float64(values[row, column])
     second = np.float64(values[row, column + 1])
     low, high = np.inf, -np.inf
@@ -89,7 +89,7 @@ def measure_widths(values: Floats, reach: int, least: float, found: Doubles) -> 
     """Measure edges along rows within a distance; return how many.
 
     An edge is where a row crosses the middle of the range of all values within `reach` samples. Its
-    width is the distance from 10 to 90 % of that range; it counts if that is at most half of
+    width is the distance from 10 to 90 % of the range; it counts if it is at most half of
     `reach`, which slopes never are, however near one looks.
 
     `values`: (H, W); 0 where unknown. `least`: jump of an edge, of its largest value. `found`: (N,
@@ -130,10 +130,10 @@ def _whole(given: Floats, refined: Floats, row: int, column: int, blur: Blur) ->
     """Value of a thin object without its surroundings; 0 if that is impossible.
 
     A soft map's value is k a + (1 − k) b with the object's own value a and the surroundings' b.
-    The own share k of a sample follows from what lies around it: given values beyond half of the
+    The own share k of a sample follows from its surroundings: given values beyond half of the
     way to the surroundings, or refined values on the object's surface, whichever are more.
     """
-    # Skip samples whose surroundings are one surface.
+    # Skip samples surrounded by one surface.
     reach = math.ceil(3.0 * blur.sigma)
     here = np.float64(given[row, column])
     low, high = _range(refined, row, column, reach)

@@ -1,4 +1,4 @@
-"""Refine samples near edges by votes: a weighted median of those around.
+"""Refine samples near edges by votes: a weighted median of samples around.
 
 Every sample around votes for the nearness of its own surface, extended to the sample in question,
 with a weight that grows with proximity and similarity of color. The weighted median of the votes
@@ -23,7 +23,7 @@ NOT_SURE = 1e-4  # weight of a sample near an edge in its surface's nearness
 FAMILIAR = 0.05  # share of similar colors around from which on votes count in full
 SAME = 0.25  # of the range of all votes: votes closer together are for one surface
 CLOSE = 0.01  # of the nearness, on top
-BINS = 16  # of values, among which that of the median is found
+BINS = 16  # of values; one of them holds the median
 SURE = 0.995  # share of the few first votes from which others are not asked
 FARTHEST = 4  # px between samples that are asked first
 TOLD = 0.9  # share of the votes of samples asked first from which those amid them are not asked
@@ -77,7 +77,7 @@ def weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
         bins[:] = 0.0
         for n in range(count):
             bins[int((value[n] - low) * scale)] += weight[n]
-        # Find the bin where half is reached, and go on with what it holds.
+        # Find the bin where half is reached, and continue in it.
         found = 0
         while found < BINS - 1 and half > bins[found]:
             half -= bins[found]
@@ -106,7 +106,7 @@ def _color_similarity(color: Floats, row: int, column: int, r: int, c: int) -> f
 def _change(slope: float, bend: float, away: int) -> float:
     """Change of a surface's nearness at a distance along an axis.
 
-    A surface that falls ever more steeply curves away: there nearness is a + b √(T − t), whose
+    A surface that falls ever more steeply curves away: there nearness is a + b √(T − t), with
     slope and bend at t = 0 yield T, slope / (2 bend). All others continue as parabolas.
     """
     falls = slope if away > 0 else -slope
@@ -183,7 +183,7 @@ def _counted(
     """Nearness of the surface with most votes, and their share."""
     if count == 0:
         return 0.0, 0.0
-    # Find the winning surface: the median of all votes, and what lies near it.
+    # Find the winning surface: the median of all votes, and the votes near it.
     middle = _median_of(votes, votes.share, count, 0.0, np.inf)
     low, high = votes.value[:count].min(), votes.value[:count].max()
     reach = SAME * (high - low) + CLOSE * middle
@@ -207,7 +207,7 @@ def _between(
     voters: Voters, row: int, column: int, apart: int, is_rough: bool, refined: Floats,
     agreed: Floats,
 ) -> tuple[float, float]:  # fmt: skip
-    """Mean of the samples around that were asked first, if they tell the sample's surface, else 0.
+    """Mean of the samples around that voted first, if they determine the surface, else 0.
 
     They do if they all but agree, have colors like the sample's, and it is on no other surface. If
     a rough answer is enough, the one with the most similar color does.
@@ -247,7 +247,7 @@ def vote_rows(
     refined: Floats,
     agreed: Floats,
 ) -> None:
-    """Refine the samples of a band by a vote of those around them.
+    """Refine the samples of a band by a vote of samples around them.
 
     `voters`, `window`: votes, and where they come from. `band`: (H, W) not 0 where samples are
     refined. `apart`: refine those in each so many rows and columns, without those that a call with
