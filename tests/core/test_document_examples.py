@@ -152,11 +152,7 @@ def snapshot() -> dict[str, Any]:
 
 @pytest.mark.some(2)
 @pytest.mark.parametrize(
-    "name",
-    [
-        *HOWTOS,
-        *(pytest.param(one, marks=pytest.mark.sweep) for one in SLOW),
-    ],
+    "name", [*HOWTOS, *(pytest.param(one, marks=pytest.mark.sweep) for one in SLOW)]
 )
 def test_examples_of_a_how_to_run_in_their_order(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -8,15 +8,7 @@ from PIL import Image
 from conftest import real
 from resample.colors import from_srgb, to_srgb
 from resample_chunks import warp_chunks
-from resample_texture import (
-    ForwardMap,
-    PictureScene,
-    Plan,
-    project,
-    resize,
-    rotate,
-    warp,
-)
+from resample_texture import ForwardMap, PictureScene, Plan, project, resize, rotate, warp
 from resample_texture.cli import app
 from resample_texture.methods.forward import Hybrid
 from tests.commands import ended

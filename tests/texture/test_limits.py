@@ -163,16 +163,7 @@ def test_other_interpolations_are_limited_too(interpolation, limit):
     np.testing.assert_allclose(kept.image, expected, atol=1e-5)
 
 
-@pytest.mark.parametrize(
-    "channels",
-    [
-        1,
-        2,
-        4,
-        60,
-        pytest.param(20_000, marks=pytest.mark.sweep),
-    ],
-)
+@pytest.mark.parametrize("channels", [1, 2, 4, 60, pytest.param(20_000, marks=pytest.mark.sweep)])
 def test_any_number_of_channels_is_limited(channels):
     source = np.tile(noise(6, 7, 1), (1, 1, channels))
     one, all_ = (

@@ -282,10 +282,7 @@ def test_any_affine_map_stays_near_the_range_of_a_constant(sides, place, edge):
 @pytest.mark.sweep
 @pytest.mark.parametrize(
     "error",
-    [
-        0.002,
-        *(pytest.param(error, marks=pytest.mark.sweep) for error in (0.02, 0.007, 0.001)),
-    ],
+    [0.002, *(pytest.param(error, marks=pytest.mark.sweep) for error in (0.02, 0.007, 0.001))],
 )
 def test_an_error_that_is_asked_for_holds(error):
     source = noise(60, 60, 1)

@@ -123,15 +123,7 @@ FINEST = {"hybrid": {"quality": 6.0, "interpolation": "area-spline:limit=none"}}
 
 @pytest.mark.parametrize(
     "method",
-    [
-        pytest.param(
-            name,
-            marks=pytest.mark.sweep,
-        )
-        if name in SPLATTED
-        else name
-        for name in OURS
-    ],
+    [pytest.param(name, marks=pytest.mark.sweep) if name in SPLATTED else name for name in OURS],
 )
 def test_a_map_of_a_matrix_gives_what_the_matrix_gives(method, record):
     source = noise(1)

@@ -197,13 +197,7 @@ def test_a_server_that_tells_no_more_is_not_believed(values, server):
     [
         "a chunk",
         "metadata",
-        *(
-            pytest.param(
-                each,
-                marks=pytest.mark.sweep,
-            )
-            for each in ("a chunk less", "a new chunk")
-        ),
+        *(pytest.param(each, marks=pytest.mark.sweep) for each in ("a chunk less", "a new chunk")),
     ],
 )
 def test_a_store_at_an_address_that_has_changed_is_looked_at_again(change, values, server):
