@@ -117,17 +117,13 @@ def test_a_projection_follows_the_rule():
     assert np.abs(shown - levels).mean() < 0.4 * np.abs(shown - light).mean()
 
 
-def forward(height, width, scale):
-    """A picture's texels, moved and `scale` times as far apart."""
-    y, x = np.mgrid[:height, :width] + 0.5
-    return ForwardMap(scale * x + 0.3, scale * y + 0.2)
-
-
 @pytest.mark.parametrize("dtype", ["uint8", "uint16"])
 def test_forward_maps_follow_the_rule(dtype):
     image = photo(dtype=dtype)
     for scale, is_linear in ((1.0, False), (2.5, False), (0.5, True)):
-        place, limit = forward(60, 80, scale), "area-spline:limit=range"
+        # A picture's texels, moved and `scale` times as far apart
+        y, x = np.mgrid[:60, :80] + 0.5
+        place, limit = ForwardMap(scale * x + 0.3, scale * y + 0.2), "area-spline:limit=range"
         shown = warp(image, place, (24, 32), linear_light="pixels")
         alone = warp(image, place, (24, 32), linear_light=is_linear, interpolation=limit)
         if is_linear:
