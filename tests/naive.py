@@ -127,14 +127,6 @@ def put_behind(picture, alpha, color):
     picture += (1 - picture[..., 3:]) * alpha[..., None] * light
 
 
-def add_sheet(picture, samples, integral):
-    """Sum the optical depths of samples and composite the sum with the mean of their colors."""
-    depth = integral * samples.extinction.astype(float)[:, None, None]
-    total = depth.sum(axis=0)
-    color = np.einsum("nhw,nc->hwc", depth, samples.color.astype(float))
-    put_behind(picture, 1 - np.exp(-total), color / np.where(total > 0, total, 1)[..., None])
-
-
 def axis_sheets(samples, camera, reconstruction, *, height, width):
     """Picture (H, W, 4) by the lattice's sheets of whole kernels, those nearest the eye first."""
     view = camera.view()
@@ -154,7 +146,11 @@ def axis_sheets(samples, camera, reconstruction, *, height, width):
         nearest = np.flatnonzero(left)[order[left].argmin()]
         chosen = left & (np.abs(place - place[nearest]) < 0.5)
         some = samples._replace(color=samples.color[chosen], extinction=samples.extinction[chosen])
-        add_sheet(picture, some, integral[chosen])
+        # Sum the optical depths of samples and composite the sum with the mean of their colors
+        depth = integral[chosen] * some.extinction.astype(float)[:, None, None]
+        total = depth.sum(axis=0)
+        color = np.einsum("nhw,nc->hwc", depth, some.color.astype(float))
+        put_behind(picture, 1 - np.exp(-total), color / np.where(total > 0, total, 1)[..., None])
         left &= ~chosen
     return picture
 

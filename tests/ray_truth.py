@@ -89,20 +89,6 @@ def filled(values: Array) -> Array:
     return np.asarray(values[tuple(nearest)])
 
 
-def looks(look: Classifier, value: Array, slope: Array) -> Array:
-    """Color and extinction (..., 4) of values and lengths of gradients, from the table."""
-    rows, columns, _ = look.table.shape
-    column = np.clip((value - look.low) / (look.high - look.low), 0, 1) * (columns - 1)
-    row = np.clip(slope / look.steep, 0, 1) * (rows - 1)
-    return np.stack(
-        [
-            map_coordinates(look.table[..., n].astype(np.float64), [row, column], order=1)
-            for n in range(4)
-        ],
-        axis=-1,
-    )
-
-
 def shine(look: Classifier, gradient: Array, place: Array, depth: Array) -> tuple[Array, Array]:
     """Factor of a place's own color, and its white highlight: Blinn and Phong, and depth."""
     lamp = look.lamp
@@ -145,7 +131,17 @@ def composite_several(fields: Sequence[tuple[Along, LatticeField]], clip: Array)
     places, colors, depths = [], [], []
     for met, field in fields:
         look, slope = field.classifier, np.linalg.norm(met.gradient, axis=-1)
-        light = looks(look, met.value, slope)
+        # Color and extinction (..., 4) of values and lengths of gradients, from the table
+        rows, columns, _ = look.table.shape
+        column = np.clip((met.value - look.low) / (look.high - look.low), 0, 1) * (columns - 1)
+        row = np.clip(slope / look.steep, 0, 1) * (rows - 1)
+        light = np.stack(
+            [
+                map_coordinates(look.table[..., n].astype(np.float64), [row, column], order=1)
+                for n in range(4)
+            ],
+            axis=-1,
+        )
         own, high = shine(look, faced(met, field, clip), met.place, met.depth)
         places.append(met.depth)
         colors.append(own[..., None] * light[..., :3] + high[..., None])

@@ -29,12 +29,6 @@ def painter(**choices):
     return Resampler(**choices)
 
 
-def cube(side):
-    """Positions (N, 3) on a lattice of step 1 around the origin."""
-    axis = np.arange(side) - (side - 1) / 2
-    return np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
-
-
 def cloud(rng, count=30, lattice=None, *, extinction=1.0):
     """Samples anywhere in a cube, of any color."""
     return Samples(
@@ -47,7 +41,9 @@ def cloud(rng, count=30, lattice=None, *, extinction=1.0):
 
 def block(side=9, extinction=1.0):
     """A cube of samples on their lattice, all alike."""
-    place = cube(side).astype(np.float32)
+    # Positions (N, 3) on a lattice of step 1 around the origin
+    axis = np.arange(side) - (side - 1) / 2
+    place = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3).astype(np.float32)
     extinction = np.full(len(place), extinction, np.float32)
     return Samples(place, np.ones_like(place), extinction, np.eye(3))
 

@@ -1,7 +1,6 @@
 """Scenes and measurements of splats and points, for tests."""
 
 import itertools
-from collections.abc import Iterator
 from functools import cache
 from typing import NamedTuple
 
@@ -186,10 +185,6 @@ def rotation(form: Resampler, scale: float, azimuths: np.ndarray) -> np.ndarray:
     """RMS difference of consecutive frames while the checker box turns, over all pixels."""
     samples = checker_box(0.9, CRUST[0.9])
     frames = (distant(scale, azimuth).by(form, samples).rgba for azimuth in azimuths)
-    return _differences(frames)
-
-
-def _differences(frames: Iterator[np.ndarray]) -> np.ndarray:
     before, found = next(frames), []
     for after in frames:
         found.append(rms(after, before))

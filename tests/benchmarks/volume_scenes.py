@@ -1,6 +1,5 @@
 """Scenes and measures of volumes in orders of samples, for tests."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import NamedTuple
@@ -81,16 +80,6 @@ def object_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
     return psnr(picture, truth, mask=truth[..., 3] > SEEN)
 
 
-def second_difference(frames: Iterable[np.ndarray]) -> np.ndarray:
-    """RMS over all pixels of f(t + 1) - 2 f(t) + f(t - 1), for every frame but two."""
-    found, past = [], []
-    for frame in frames:
-        past = [*past[-2:], frame]
-        if len(past) == 3:
-            found.append(rms(past[2].astype(np.float64) + past[0], 2.0 * past[1]))
-    return np.array(found)
-
-
 def turned(scene: Scene, form: Resampler, azimuths: np.ndarray) -> np.ndarray:
     """Second differences of a small volume that turns, 72 × 72 px, 1.4 px per voxel."""
     shots = [
@@ -98,7 +87,14 @@ def turned(scene: Scene, form: Resampler, azimuths: np.ndarray) -> np.ndarray:
         for azimuth in azimuths
     ]
     samples = scene.samples(shots[0])
-    return second_difference(shot.by(form, samples) for shot in shots)
+    # RMS over all pixels of f(t + 1) - 2 f(t) + f(t - 1), for every frame but two
+    frames = (shot.by(form, samples) for shot in shots)
+    found, past = [], []
+    for frame in frames:
+        past = [*past[-2:], frame]
+        if len(past) == 3:
+            found.append(rms(past[2].astype(np.float64) + past[0], 2.0 * past[1]))
+    return np.array(found)
 
 
 def wall(kind: str) -> Scene:

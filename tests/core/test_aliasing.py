@@ -30,11 +30,7 @@ def test_one_fine_picture_holds_the_truths_of_all_shifts():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("alpha", "scale", "frames"),
-    [
-        (0.9, 0.2, 4),
-        pytest.param(0.9, 0.4, 16, marks=MORE),
-        pytest.param(0.3, 0.2, 16, marks=MORE),
-    ],
+    [(0.9, 0.2, 4), pytest.param(0.9, 0.4, 16, marks=MORE), pytest.param(0.3, 0.2, 16, marks=MORE)],
 )
 def test_hybrid_flickers_a_tenth_as_much_as_one_ray_per_pixel(alpha, scale, frames):
     hybrid, splats = (flicker(form, alpha, scale, frames) for form in (HYBRID, SPLATS))

@@ -156,10 +156,7 @@ def test_a_floor_fills_its_frame():
         "volume, splats",
         "volume, points",
         "texture",
-        pytest.param(
-            "depth image",
-            marks=pytest.mark.sweep,
-        ),
+        pytest.param("depth image", marks=pytest.mark.sweep),
     ],
 )
 def test_baselines_make_the_same_picture(name, record):

@@ -164,13 +164,7 @@ def test_the_version_is_that_of_the_distribution(capsys):
 
 @pytest.mark.sweep
 def test_the_module_runs_without_home_and_terminal():
-    command = [
-        sys.executable,
-        "-c",
-        "from resample.cli import main; main()",
-        "plugins",
-        "filters",
-    ]
+    command = [sys.executable, "-c", "from resample.cli import main; main()", "plugins", "filters"]
     environment = {key: value for key, value in os.environ.items() if key not in ("HOME", "TERM")}
     ended = subprocess.run(
         command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, check=False

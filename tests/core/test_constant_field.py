@@ -5,15 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from tests.benchmarks.splat_scenes import (
-    HYBRID,
-    POINTS,
-    SPLATS,
-    TRUTH,
-    Place,
-    jumps,
-    zoom,
-)
+from tests.benchmarks.splat_scenes import HYBRID, POINTS, SPLATS, TRUTH, Place, jumps, zoom
 
 # The focal length zooms: rays keep their ways through the block, so that all that changes from
 # frame to frame is what a pixel sees and how it is computed.

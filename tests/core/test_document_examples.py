@@ -77,15 +77,6 @@ def pictures(rng: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def scattered(rng: np.random.Generator) -> dict[str, Any]:
-    """What the examples of scattered samples and of particles are given."""
-    return {
-        "position": rng.uniform(5, 100, (50, 2)),
-        "reading": rng.normal(size=50),
-        "jacobian": np.tile(np.eye(2), (50, 1, 1)),
-    }
-
-
 def particles(rng: np.random.Generator) -> dict[str, Any]:
     """What the example of particles is given."""
     return {
@@ -100,7 +91,11 @@ def given(block: str, volume: NDArray[np.uint8]) -> dict[str, Any]:
     """Names that a block uses and does not make."""
     rng = np.random.default_rng(7)
     if "Scatter" in block:
-        return scattered(rng)
+        return {
+            "position": rng.uniform(5, 100, (50, 2)),
+            "reading": rng.normal(size=50),
+            "jacobian": np.tile(np.eye(2), (50, 1, 1)),
+        }
     if "particles" in block:
         return particles(rng)
     return pictures(rng) | {
@@ -152,11 +147,7 @@ def snapshot() -> dict[str, Any]:
 
 @pytest.mark.some(2)
 @pytest.mark.parametrize(
-    "name",
-    [
-        *HOWTOS,
-        *(pytest.param(one, marks=pytest.mark.sweep) for one in SLOW),
-    ],
+    "name", [*HOWTOS, *(pytest.param(one, marks=pytest.mark.sweep) for one in SLOW)]
 )
 def test_examples_of_a_how_to_run_in_their_order(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

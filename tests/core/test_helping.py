@@ -45,10 +45,6 @@ def helped(application, *words, capsys):
     return capsys.readouterr().out
 
 
-def examples(text):
-    return re.findall(r"^  (resample.*)$", text.replace("\\\n", ""), re.MULTILINE)
-
-
 @pytest.mark.some(6)
 @pytest.mark.parametrize(("application", "command"), [*commands(), *((name, "") for name in APPS)])
 def test_brief_help_has_15_lines_and_three_examples_that_parse(
@@ -62,7 +58,7 @@ def test_brief_help_has_15_lines_and_three_examples_that_parse(
     assert f"Usage: {application} {command}".strip() in text
     assert "--help" in lines[-1]
     assert "--settings" not in text
-    found = examples(text)
+    found = re.findall(r"^  (resample.*)$", text.replace("\\\n", ""), re.MULTILINE)
     assert len(found) == 3
     for program, *words in map(shlex.split, found):
         assert program == application

@@ -47,11 +47,6 @@ def untidied(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
 
 
-def kill_while_writing(target: str) -> None:
-    """Leave a part of a target."""
-    subprocess.run([sys.executable, "-c", KILLED, target], check=False)
-
-
 def names() -> list[str]:
     """Of all files here."""
     return sorted(path.name for path in Path().iterdir())
@@ -61,7 +56,7 @@ def names() -> list[str]:
 @pytest.mark.skipif(os.name == "nt", reason="there are no locks on Windows")
 def test_what_a_killed_process_was_writing_is_removed_by_the_next_one():
     for target in ("a.png", "b[1].nii.gz", "c", "d\n.lock-1.png"):
-        kill_while_writing(target)
+        subprocess.run([sys.executable, "-c", KILLED, target], check=False)
         assert [name.startswith(f".{target[0]}") for name in names()] == [True, True]
     with replacing("a.png") as temporary:
         temporary.write_text("whole")

@@ -174,10 +174,7 @@ BAD = {
     "quote.yaml": ("a: 1\nb: 'x", "line 2: found unexpected end of stream"),
     "list.yaml": ("- 1\n- 2\n", "line 1: it is not a name with a value"),
     "deep.yaml": ("a: " + "[" * 99 + "]" * 99, "too deep"),
-    "steps.yaml": (
-        "".join(f"{' ' * n}a:\n" for n in range(99)),
-        "too deep",
-    ),
+    "steps.yaml": ("".join(f"{' ' * n}a:\n" for n in range(99)), "too deep"),
     "other.yaml": ("a: 1\n", "it has none of camera_matrix"),
     "model.yaml": ("distortion_model: fov\nK: [1]", "cannot reshape array of size 1"),
     "name.yaml": ("distortion_model: fov\nD: [1]", "unknown lens model 'fov'; known: pinhole"),

@@ -25,20 +25,16 @@ def near(words):
     assert held / WITHIN <= needed <= held * WITHIN, (needed, held, words)
 
 
-def written(size):
-    """A picture of that many pixels a side, and its depth."""
-    rough = np.random.default_rng(1).integers(0, 255, (size // 4, size // 4, 3), np.uint8)
-    cv2.imwrite(f"{size}.png", cv2.resize(rough, (size, size)))
-    across = np.linspace(1000, 1500, size).astype(np.uint16)
-    cv2.imwrite(f"d{size}.png", np.tile(across, (size, 1)))
-
-
 @pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 3, 5], ids=["texture", "warp3d", "volume"])
 def test_a_command_says_what_it_will_hold_within_a_factor(n):
     for size in (500, 1500):
-        written(size)
+        # A picture of that many pixels a side, and its depth
+        rough = np.random.default_rng(1).integers(0, 255, (size // 4, size // 4, 3), np.uint8)
+        cv2.imwrite(f"{size}.png", cv2.resize(rough, (size, size)))
+        across = np.linspace(1000, 1500, size).astype(np.uint16)
+        cv2.imwrite(f"d{size}.png", np.tile(across, (size, 1)))
     near(list(small())[n])
 
 

@@ -64,13 +64,7 @@ def test_hybrid_is_better_than_the_papers_form(measured):
 
 @pytest.mark.sweep
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "alpha",
-    [
-        0.9,
-        pytest.param(0.3, marks=pytest.mark.sweep),
-    ],
-)
+@pytest.mark.parametrize("alpha", [0.9, pytest.param(0.3, marks=pytest.mark.sweep)])
 def test_the_truth_needs_no_voxel_behind_the_crust(alpha):
     crust, whole = (
         distant(0.125).by(TRUTH, checker_box(alpha, depth)).rgba for depth in (CRUST[alpha], None)

@@ -78,12 +78,8 @@ def test_plugins_are_taken_by_name(kind: Any, name: str, given: str, wanted: Any
     assert getattr(kind(**{name: wanted}), name) is wanted
     assert getattr(pickle.loads(pickle.dumps(by_name)), name) == wanted
     for bad in ("nope", 3, [1], type(wanted)):
-        known = registry.names(registry_group(name))
+        known = registry.names({"pixel_filter": "filters"}.get(name, f"{name}s"))
         assert ", ".join(known) in complaint(lambda bad=bad: kind(**{name: bad}))
-
-
-def registry_group(name: str) -> str:
-    return {"pixel_filter": "filters"}.get(name, f"{name}s")
 
 
 def test_a_filter_of_scattered_samples_is_an_object_or_a_name() -> None:

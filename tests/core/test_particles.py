@@ -26,8 +26,14 @@ def spheres(count=40):
     return position, rng.uniform(0, 1, (count, 3)), opacity, radius
 
 
-def opacities(position, opacity, radius, camera, kernel):
-    """Opacity (N, SIDE, SIDE) of spheres by the line integrals of each, with its own radius."""
+@pytest.mark.sweep
+@pytest.mark.parametrize("camera", [CAMERA, PARALLEL], ids=["perspective", "parallel"])
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_radius_each_is_painted_as_line_integrals_say_nearest_first(kernel, camera):
+    position, color, opacity, radius = spheres()
+    resampler = painter(primitive=Primitive.SPLATS, reconstruction=kernel)
+    samples = particles(position, color, opacity, radius, reconstruction=kernel)
+    # Opacity (N, SIDE, SIDE) of spheres by the line integrals of each, with its own radius
     result = []
     for place, share, size in zip(position, opacity, radius, strict=True):
         shape = size / kernel.radius * np.eye(3)
@@ -38,17 +44,7 @@ def opacities(position, opacity, radius, camera, kernel):
         )[0, 0]
         integral = naive.line_integrals(camera, center, shape, kernel, **SIZE)
         result.append(-np.expm1(np.log1p(-share) * integral / through))
-    return np.array(result)
-
-
-@pytest.mark.sweep
-@pytest.mark.parametrize("camera", [CAMERA, PARALLEL], ids=["perspective", "parallel"])
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_a_radius_each_is_painted_as_line_integrals_say_nearest_first(kernel, camera):
-    position, color, opacity, radius = spheres()
-    resampler = painter(primitive=Primitive.SPLATS, reconstruction=kernel)
-    samples = particles(position, color, opacity, radius, reconstruction=kernel)
-    alpha = opacities(position, opacity, radius, camera, kernel)
+    alpha = np.array(result)
     truth = naive.composite(alpha, color, naive.in_camera(camera, position)[:, 2])
     assert truth[..., 3].max() > 0.8
     picture = resampler(samples, camera, **SIZE).rgba

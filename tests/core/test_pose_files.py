@@ -3,14 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from resample.cameras.files import (
-    KINDS,
-    left_out,
-    read_pose,
-    read_poses,
-    read_shot,
-    read_shots,
-)
+from resample.cameras.files import KINDS, left_out, read_pose, read_poses, read_shot, read_shots
 from resample.cameras.poses import from_quaternion
 
 QUATERNIONS = np.array([[0.1, -0.2, 0.3, 0.9], [-0.4, 0.1, 0.0, 0.8], [0.0, 0.7, 0.0, -0.7]])

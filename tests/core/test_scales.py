@@ -101,14 +101,7 @@ def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, cli
 
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "kernel",
-    [
-        GaussianKernel(),
-        pytest.param(
-            BSplineKernel(),
-            marks=pytest.mark.sweep,
-        ),
-    ],
+    "kernel", [GaussianKernel(), pytest.param(BSplineKernel(), marks=pytest.mark.sweep)]
 )
 @pytest.mark.parametrize("order", [EverySample(), EverySample(key="distance")])
 def test_other_kernels_and_orders_by_distance(rng, kernel, order):
@@ -184,11 +177,7 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
 
 
 @pytest.mark.parametrize(
-    "primitive",
-    [
-        Primitive.SPLATS,
-        pytest.param(Primitive.HYBRID, marks=pytest.mark.sweep),
-    ],
+    "primitive", [Primitive.SPLATS, pytest.param(Primitive.HYBRID, marks=pytest.mark.sweep)]
 )
 def test_neither_order_nor_threads_change_a_bit(rng, primitive):
     samples, camera = dust(rng), CAMERAS["close"]

@@ -2,15 +2,7 @@ import numpy as np
 import pytest
 
 from resample.engine.jit import kernel
-from resample.engine.tiles import (
-    FEW,
-    HALF,
-    bits_of,
-    member_of,
-    paired,
-    settle,
-    sort_pairs,
-)
+from resample.engine.tiles import FEW, HALF, bits_of, member_of, paired, settle, sort_pairs
 
 COLUMNS = 9  # numbers of what a sample looks like
 

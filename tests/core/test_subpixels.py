@@ -7,12 +7,7 @@ import pytest
 
 from resample import registry
 from resample.engine.jit import kernel
-from resample.engine.surfaces import (
-    middle_of_rows,
-    nearest_of_rows,
-    resolve_rows,
-    resolve_tile,
-)
+from resample.engine.surfaces import middle_of_rows, nearest_of_rows, resolve_rows, resolve_tile
 from resample.painting import paper, splats
 from resample.profiles.filters import Area, Box, Gaussian, Tent
 from resample.profiles.subpixels import Subpixels, subpixels_of

@@ -156,8 +156,7 @@ def test_packed_pictures_tell_their_sizes():
 
 
 @pytest.mark.parametrize(
-    ("syntax", "mark"),
-    [("1.2.840.10008.1.2.4.50", b"\xc0"), ("1.2.840.10008.1.2.4.80", b"\xf7")],
+    ("syntax", "mark"), [("1.2.840.10008.1.2.4.50", b"\xc0"), ("1.2.840.10008.1.2.4.80", b"\xf7")]
 )
 def test_packed_pictures_of_another_size_than_their_file_says_are_refused(syntax, mark, tmp_path):
     pydicom = pytest.importorskip("pydicom")

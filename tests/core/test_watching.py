@@ -159,11 +159,7 @@ def test_work_stops_soon_and_leaves_nothing_behind(name: str) -> None:
 
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "name",
-    [
-        *("splats", "image-sheets", "rays"),
-        pytest.param("maximum", marks=pytest.mark.sweep),
-    ],
+    "name", [*("splats", "image-sheets", "rays"), pytest.param("maximum", marks=pytest.mark.sweep)]
 )
 def test_progress_rises_to_one_and_moves_often(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jit, "OFTEN", 0.001)  # so that quick machines are looked at, too

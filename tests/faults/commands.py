@@ -52,17 +52,12 @@ def write_inputs(folder: Path) -> None:
     (folder / "cloud.ply").write_bytes(head.encode() + points)
 
 
-def words_of(target: str, command: str = "", within: Sequence[str] = ()) -> list[str]:
-    """A command as the system takes it; `command` is its target if this one is elsewhere."""
-    return [*within, sys.executable, "-m", *COMMANDS[command or target].split(), target]
-
-
 def began(
     folder: Path, target: str, command: str = "", within: Sequence[str] = (), **how: Any
 ) -> "subprocess.Popen[str]":
     """Begin a command in a folder."""
     how = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True, **how}
-    words = words_of(target, command, within)
+    words = [*within, sys.executable, "-m", *COMMANDS[command or target].split(), target]
     return subprocess.Popen(words, cwd=folder, stdin=subprocess.DEVNULL, **how)
 
 

@@ -598,10 +598,7 @@ def cameras() -> list[Case]:
             "lens",
             a_toml="camera_matrix = [[5e2, 0, 9], [0, 5e2, 9], [0, 0, 1]]\ndist = [0.1, 0, 0, 0]\n",
         ),
-        *_texts(
-            "lens",
-            a_xml=XML,
-        ),
+        *_texts("lens", a_xml=XML),
     ]
 
 

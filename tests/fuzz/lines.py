@@ -117,10 +117,7 @@ def make(*, is_quick: bool = False) -> Try:
                 _told_to_odd_streams(rng, apps[application], [*rest, *more])
                 return
             apps[application](
-                [*rest, *more],
-                exit_on_error=False,
-                print_error=False,
-                result_action="return_value",
+                [*rest, *more], exit_on_error=False, print_error=False, result_action="return_value"
             )
         except CycloptsError as error:
             raise ValueError(str(error).replace("\n", " ")) from None

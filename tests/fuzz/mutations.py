@@ -84,7 +84,7 @@ def _changed(rng: random.Random, content: bytes) -> bytes:
     if content.startswith(SIGNATURE) and rng.random() < 0.4:
         return _changed_png(rng, content)
     made = bytearray(content)
-    is_text = _is_text(content)
+    is_text = all(byte in b"\t\n\r" or 32 <= byte < 127 for byte in content[:64])
     for _ in range(rng.choice((1, 1, 1, 2, 3, 4))):
         changes = OF_TEXTS if is_text and rng.random() < 0.8 else OF_BYTES
         made = bytearray(rng.choice(changes)(rng, made))
@@ -99,11 +99,6 @@ def _changed_png(rng: random.Random, content: bytes) -> bytes:
     kept = chunks[n].index(b"\0") + 1 if texts else 4
     chunks[n] = chunks[n][:kept] + _changed(rng, chunks[n][kept:])
     return png_of(chunks)
-
-
-def _is_text(content: bytes) -> bool:
-    """Whether a file begins as a text does; values may come behind it."""
-    return all(byte in b"\t\n\r" or 32 <= byte < 127 for byte in content[:64])
 
 
 def _changed_zip(rng: random.Random, content: bytes) -> bytes:

@@ -33,16 +33,7 @@ def is_packed(case):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(
-    "count",
-    [
-        SOME_FILES,
-        pytest.param(
-            FILES,
-            marks=pytest.mark.sweep,
-        ),
-    ],
-)
+@pytest.mark.parametrize("count", [SOME_FILES, pytest.param(FILES, marks=pytest.mark.sweep)])
 def test_changed_files_are_read_or_refused_in_one_line(count):
     cases, seeds = corpus(), range(count)
     if count == SOME_FILES:
@@ -52,16 +43,7 @@ def test_changed_files_are_read_or_refused_in_one_line(count):
 
 @pytest.mark.sweep
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "count",
-    [
-        SOME_ARRAYS,
-        pytest.param(
-            ARRAYS,
-            marks=pytest.mark.sweep,
-        ),
-    ],
-)
+@pytest.mark.parametrize("count", [SOME_ARRAYS, pytest.param(ARRAYS, marks=pytest.mark.sweep)])
 def test_odd_arrays_and_numbers_give_results_or_clear_errors(count):
     seeds = range(count)
     if (
@@ -90,13 +72,7 @@ def test_what_the_fuzzer_is_to_find_it_finds():
 
 @pytest.mark.parametrize(
     "case",
-    [
-        pytest.param(
-            case,
-            marks=pytest.mark.sweep if is_packed(case) else (),
-        )
-        for case in corpus()
-    ],
+    [pytest.param(case, marks=pytest.mark.sweep if is_packed(case) else ()) for case in corpus()],
     ids=lambda case: f"{case.reader}-{next(iter(case.files))}",
 )
 def test_files_of_the_corpus_are_read(case, tmp_path):

@@ -98,16 +98,6 @@ class Choices(NamedTuple):
     turn: float = TURN
 
 
-def step():
-    """Source of 14 × 18: a bent wall, a slanted plate before it, and the camera of both."""
-    rows, columns = np.mgrid[:14, :18]
-    z = 3.0 + 0.03 * rows + 0.02 * columns + 0.02 * np.sin(columns)
-    z[4:10, 6:12] = 1.6 + 0.01 * rows[4:10, 6:12]
-    color = np.random.default_rng(3).random((14, 18, 3), np.float32)
-    depth = DepthImage(color, np.float32(1 / z))
-    return prepare(depth, noise=0.0), np.array([[18.0, 0, 9], [0, 18.0, 7], [0, 0, 1]])
-
-
 @pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("zoom", "points"), [(0.6, range(252, 253)), (1.0, range(100, 200)), (1.7, range(1))]
@@ -123,7 +113,13 @@ def step():
     ids=repr,
 )
 def test_a_depth_image_is_that_of_the_twin(method, widths, zoom, points):
-    source, first = step()
+    # Source of 14 × 18: a bent wall, a slanted plate before it, and the camera of both
+    rows, columns = np.mgrid[:14, :18]
+    z = 3.0 + 0.03 * rows + 0.02 * columns + 0.02 * np.sin(columns)
+    z[4:10, 6:12] = 1.6 + 0.01 * rows[4:10, 6:12]
+    color = np.random.default_rng(3).random((14, 18, 3), np.float32)
+    depth = DepthImage(color, np.float32(1 / z))
+    source, first = prepare(depth, noise=0.0), np.array([[18.0, 0, 9], [0, 18.0, 7], [0, 0, 1]])
     size = round(14 * zoom), round(18 * zoom)
     second = np.diag([zoom, zoom, 1.0]) @ first
     c, s = np.cos(0.1), np.sin(0.1)

@@ -96,24 +96,20 @@ def test_the_corrected_footprint_is_exact_on_the_axis(cone):
     np.testing.assert_allclose(drawn, truth, atol=1e-4 * truth.max())  # table 64 × 256
 
 
-def errors_of_peak(theta, cone):
-    """Largest error of every model at any pixel, in shares of the peak."""
-    samples, camera = sphere(theta, cone), close_up(theta, cone)
-    truth = brute_force(samples, camera)
-    return {
-        model.value: np.abs(optical_depth(samples, camera, footprint=model) - truth).max()
-        / truth.max()
-        for model in footprints_of(Primitive.SPLATS)
-    }
-
-
 def test_models_of_the_picture_differ_as_measured():
     """Off the axis the ellipse's midpoint, taken as the kernel's center, is what costs most.
 
     The rim is right only in `corrected`, but the kernel is flat there and steep inside: the two
     models that keep the projected center come out better.
     """
-    error = errors_of_peak(30, 5)
+    # Largest error of every model at any pixel, in shares of the peak
+    samples, camera = sphere(30, 5), close_up(30, 5)
+    truth = brute_force(samples, camera)
+    error = {
+        model.value: np.abs(optical_depth(samples, camera, footprint=model) - truth).max()
+        / truth.max()
+        for model in footprints_of(Primitive.SPLATS)
+    }
     assert error["exact"] < 1e-5
     assert error["affine"] == pytest.approx(0.020, rel=0.15)  # which pixels are hit: 15 %
     assert error["projected"] == pytest.approx(0.021, rel=0.15)

@@ -38,17 +38,6 @@ def drawn(method, source):
     return method(source, FLOOR, SHAPE, Edge.TRANSPARENT)
 
 
-def truth(source):
-    """Means over pixels of 32 × 32 readings of the nearest texel."""
-    fine = 32
-    zoomed = np.diag([fine, fine, 1.0]) @ FLOOR.matrix
-    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
-    matrix = np.linalg.inv(half) @ zoomed @ half  # OpenCV counts from pixel centers
-    size = SHAPE[1] * fine, SHAPE[0] * fine
-    picture = cv2.warpPerspective(source[..., 0], matrix, size, flags=cv2.INTER_NEAREST)
-    return picture.reshape(SHAPE[0], fine, SHAPE[1], fine).mean(axis=(1, 3))
-
-
 def lengths(part):
     """Longest diagonal axis of the texels at pixels of a part of the frame."""
     y, x = (index[part] + 0.5 for index in np.indices(SHAPE))
@@ -104,7 +93,14 @@ def test_the_hybrid_is_splats_above_its_threshold():
 @pytest.mark.parametrize("cell", [3, 4, 5])
 def test_bilinear_lookup_aliases_where_the_hybrid_does_not(cell):
     source = checkerboard(cell)
-    expected = truth(source)[FAR]
+    # Means over pixels of 32 × 32 readings of the nearest texel
+    fine = 32
+    zoomed = np.diag([fine, fine, 1.0]) @ FLOOR.matrix
+    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
+    matrix = np.linalg.inv(half) @ zoomed @ half  # OpenCV counts from pixel centers
+    size = SHAPE[1] * fine, SHAPE[0] * fine
+    picture = cv2.warpPerspective(source[..., 0], matrix, size, flags=cv2.INTER_NEAREST)
+    expected = picture.reshape(SHAPE[0], fine, SHAPE[1], fine).mean(axis=(1, 3))[FAR]
     errors = [
         np.sqrt(np.mean((drawn(method, source).image[..., 0][FAR] - expected) ** 2))
         for method in (InterLinear(), Paper(), Hybrid())

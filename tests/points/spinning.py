@@ -24,14 +24,6 @@ class Hits(NamedTuple):
     is_ground: np.ndarray  # (N,)
 
 
-def directions(rings: int = RINGS, steps: int = STEPS) -> np.ndarray:
-    """Directions (rings × steps, 3) of one turn."""
-    elevation = np.radians(np.linspace(LOWEST, HIGHEST, rings))[:, None]
-    azimuth = np.linspace(0, 2 * np.pi, steps, endpoint=False)[None, :]
-    parts = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)
-    return np.stack([*parts, np.sin(elevation) + 0 * azimuth], axis=-1).reshape(-1, 3)
-
-
 def hits(ray: np.ndarray) -> Hits:
     """The nearest surface along rays (N, 3) from the origin."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -50,7 +42,10 @@ def hits(ray: np.ndarray) -> Hits:
 
 def street(noise: float = 0.0, rings: int = RINGS, steps: int = STEPS) -> Hits:
     """What the scanner measures in one turn; `noise`: standard deviation along each axis, m."""
-    found = hits(directions(rings, steps))
+    elevation = np.radians(np.linspace(LOWEST, HIGHEST, rings))[:, None]
+    azimuth = np.linspace(0, 2 * np.pi, steps, endpoint=False)[None, :]
+    parts = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)
+    found = hits(np.stack([*parts, np.sin(elevation) + 0 * azimuth], axis=-1).reshape(-1, 3))
     seen = found.away < FARTHEST
     off = noise * np.random.default_rng(4).normal(size=(np.count_nonzero(seen), 3))
     return Hits(

@@ -57,11 +57,6 @@ def _ply(path: Path, encoding: str, with_normals: bool = True) -> Path:
     return path
 
 
-def _packed() -> np.ndarray:
-    red, green, blue = LEVEL.astype(np.uint32).T
-    return (red << 16 | green << 8 | blue).view(np.float32)
-
-
 def _lzf(data: bytes) -> bytes:
     """LZF with references to the byte before wherever bytes repeat."""
     packed, n = bytearray(), 0
@@ -82,7 +77,8 @@ def _lzf(data: bytes) -> bytes:
 
 
 def _pcd(path: Path, encoding: str) -> Path:
-    columns = [*POSITION.T, _packed(), *NORMAL.T]
+    red, green, blue = LEVEL.astype(np.uint32).T
+    columns = [*POSITION.T, (red << 16 | green << 8 | blue).view(np.float32), *NORMAL.T]
     padding = np.zeros((40, 4), np.uint8)
     header = PCD_HEADER.format(encoding).encode()
     if encoding == "ascii":

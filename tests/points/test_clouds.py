@@ -124,7 +124,9 @@ def _naive(cloud: Cloud, camera: Camera, subpixels: int) -> np.ndarray:
             index = np.hypot(u, v)
             if not (index <= 1).any():
                 continue
-            slope = _slope(normals, centers, camera, focal)
+            # Tangent between a disc and the screen as nearness changes along px
+            forms = normals / (normals * centers).sum(1)[:, None] @ np.linalg.inv(camera.matrix)
+            slope = focal * np.hypot(forms[:, 0], forms[:, 1]) * centers[:, 2]
             apart = TOLERANCE * radius / centers[:, 2] + 1 / (focal * subpixels)
             keep = 1 - np.minimum(0.5, apart * np.sqrt(1 + slope**2))
             floor = (keep / z)[index <= 1].max()
@@ -133,12 +135,6 @@ def _naive(cloud: Cloud, camera: Camera, subpixels: int) -> np.ndarray:
             color = weight @ surfels.color / weight.sum()
             picture[row // subpixels, column // subpixels] += [*color, 1]
     return picture / subpixels**2
-
-
-def _slope(normals, centers, camera, focal):
-    """Tangent between a disc and the screen as nearness changes along px."""
-    forms = normals / (normals * centers).sum(1)[:, None] @ np.linalg.inv(camera.matrix)
-    return focal * np.hypot(forms[:, 0], forms[:, 1]) * centers[:, 2]
 
 
 @pytest.mark.sweep

@@ -352,11 +352,7 @@ def test_what_a_file_may_mean_is_said_once(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("name", "count", "width"),
-    [
-        ("biker.compressed.ply", 152_746, 0),
-        ("playbot/3_0", 31_000, 8),
-    ],
+    ("name", "count", "width"), [("biker.compressed.ply", 152_746, 0), ("playbot/3_0", 31_000, 8)]
 )
 def test_captured_scenes_are_read_whole(name, count, width):
     found = read_gaussians(real(f"splats/{name}"))

@@ -49,16 +49,8 @@ def test_a_file_of_something_else_is_refused(tmp_path, monkeypatch, capsys):
     ("origin", "single", "told"),
     [
         ((100.0, 0, 0), False, None),
-        (
-            (0, -101.0, 0),
-            False,
-            "a.ply is centered near 0, -101, 0; positions are exact, poses",
-        ),
-        (
-            (0, 0, 1e7),
-            True,
-            "0, 0, 10000000; its float32 positions are rounded to 1 there",
-        ),
+        ((0, -101.0, 0), False, "a.ply is centered near 0, -101, 0; positions are exact, poses"),
+        ((0, 0, 1e7), True, "0, 0, 10000000; its float32 positions are rounded to 1 there"),
     ],
 )
 def test_a_cloud_far_from_0_is_told_with_what_its_numbers_are_worth(

@@ -59,19 +59,6 @@ def regular(half):
     return half / np.cos(np.pi / SIDES) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def clipped(corners, side):
-    """The obvious way: corners that stay and places where sides meet the line, one by one."""
-    left = []
-    for n, here in enumerate(corners):
-        before = corners[n - 1]
-        depth, last = (side[0] * x + side[1] * y - side[2] for x, y in (here, before))
-        if (depth > 0) != (last > 0):
-            left.append(before + last / (last - depth) * (here - before))
-        if depth <= 0:
-            left.append(here)
-    return np.reshape(left, (-1, 2))
-
-
 def area_of(corners):
     x, y = corners.T
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
@@ -86,7 +73,16 @@ def test_cells_are_those_of_the_obvious_way(rng):
     for _ in range(60):
         sides, known = random_sides(rng, 12), regular(1.0)
         for side in sides:
-            known = clipped(known, side)
+            # The obvious way: corners that stay and places where sides meet the line, one by one
+            left = []
+            for n, here in enumerate(known):
+                before = known[n - 1]
+                depth, last = (side[0] * x + side[1] * y - side[2] for x, y in (here, before))
+                if (depth > 0) != (last > 0):
+                    left.append(before + last / (last - depth) * (here - before))
+                if depth <= 0:
+                    left.append(here)
+            known = np.reshape(left, (-1, 2))
         corners, area, reach = cell_of(sides)
         np.testing.assert_allclose(around(corners), around(known), atol=1e-12)
         assert area == pytest.approx(area_of(known), rel=1e-12)

@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from resample_points.cli import app
-from tests.elsewhere import (
-    assert_killed_costs_own_frames,
-    assert_same_film,
-    pickle_for_workers,
-)
+from tests.elsewhere import assert_killed_costs_own_frames, assert_same_film, pickle_for_workers
 
 FILM = ["animate", "ball.npz", "--frames", "3", "--size", "40", "--up", "y"]
 

@@ -32,10 +32,6 @@ def noise(height=12, width=14, channels=2):
     return np.random.default_rng(7).random((height, width, channels), np.float32)
 
 
-def smooth(height, width):
-    return cv2.GaussianBlur(noise(height, width, 1)[..., 0], (0, 0), 1.2)
-
-
 def grid(x, y):
     """Map of a row of x and a column of y."""
     return BackwardMap(*np.meshgrid(np.asarray(x, float), np.asarray(y, float)))
@@ -156,7 +152,7 @@ def test_prefiltered_interpolations_are_those_of_the_obvious_loops(edge, interpo
 @pytest.mark.parametrize("filter", ["area", "gaussian"])
 @pytest.mark.parametrize("matrix", [GROWN, SHRUNK, UNEVEN], ids=["grown", "shrunk", "uneven"])
 def test_a_homography_by_its_map_is_the_homography(matrix, filter, record):  # noqa: A002
-    source, shape = smooth(80, 90), (50, 60)
+    source, shape = cv2.GaussianBlur(noise(80, 90, 1)[..., 0], (0, 0), 1.2), (50, 60)
     choice = {"filter": filter, "quality": 4.0}
     straight = warp(source, matrix, shape, **choice)
     mapped = warp(source, of(matrix, shape), shape, **choice)

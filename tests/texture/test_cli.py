@@ -355,15 +355,11 @@ def test_every_choice_changes_the_picture(words):
 # Bad input
 
 
-def truncated(name: str) -> None:
-    data = Path("photo.png").read_bytes()
-    Path(name).write_bytes(data[: len(data) // 2])
-
-
 @pytest.mark.sweep
 @pytest.mark.parametrize("command", ["warp", "rectify", "compare", "animate"])
 def test_what_is_no_picture_is_one_line(command, capsys):
-    truncated("cut.png")
+    data = Path("photo.png").read_bytes()
+    Path("cut.png").write_bytes(data[: len(data) // 2])
     flipped = bytearray(Path("photo.png").read_bytes())
     flipped[60] ^= 255
     Path("corrupt.png").write_bytes(flipped)
@@ -669,17 +665,13 @@ def test_animate_refuses_in_one_line(words, complaint, capsys):
     assert complaint in refused(capsys, "animate", "photo.png", *words)
 
 
-def small(monkeypatch) -> None:
+def test_figures_write_a_sheet_the_pictures_and_the_table(monkeypatch, capsys):
     monkeypatch.setattr("resample_comparisons.texture.scenes.SMALLEST_SIDE", 64)
     for name in ("checker", "bricks"):
         fine = getattr(import_module("resample_comparisons.texture.scenes"), name)(128)
         monkeypatch.setattr(
             f"resample_comparisons.texture.scenes.{name}", lambda *_, fine=fine: fine
         )
-
-
-def test_figures_write_a_sheet_the_pictures_and_the_table(monkeypatch, capsys):
-    small(monkeypatch)
     monkeypatch.setattr("resample_figures.figure_5.FIGURE", {"points": "a", "bilinear": "c"})
     assert ended("figures", "-o", "deep/figures") == 0
     written = {path.name for path in Path("deep/figures").iterdir()}

@@ -6,11 +6,6 @@ from resample_texture.texels.encoding import DTYPES, decoded, encoded, mended
 from resample_texture.types import Warped
 
 
-def levels(dtype):
-    """Every level of an integer type, in rows of 256."""
-    return np.arange(np.iinfo(dtype).max + 1).astype(dtype).reshape(-1, 256)
-
-
 def there_and_back(image, **choices):
     texels, encoding = decoded(image, **choices)
     return shown(texels, np.ones(image.shape[:2], np.float32), encoding)
@@ -30,7 +25,7 @@ def picture(dtype, *shape):
 @pytest.mark.parametrize("linear_light", [True, False])
 @pytest.mark.parametrize("dtype", ["uint8", "uint16", ">u2"])
 def test_every_level_comes_back(dtype, linear_light):
-    every = levels(dtype)
+    every = np.arange(np.iinfo(dtype).max + 1).astype(dtype).reshape(-1, 256)
     np.testing.assert_array_equal(there_and_back(every, linear_light=linear_light), every)
 
 

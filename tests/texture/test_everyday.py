@@ -488,26 +488,10 @@ def test_help_imports_nothing_heavy(name):
             "unknown lens model 'mirror'",
         ),
         (["undistort", "photo.png", "out.png", "--lens", "bent.toml"], "bent.toml: the rotation"),
-        (
-            [*BENT, "--new-matrix", "1,2"],
-            "--new-matrix: ",
-        ),
-        (
-            [
-                *BENT,
-                "--new-matrix",
-                "0,1,2,3",
-            ],
-            "--new-matrix: intrinsics with fx 0",
-        ),
-        (
-            [*BENT, "--rectify", "2,0,0,0,1,0,0,0,1"],
-            "--rectify: the rotation is not orthonormal",
-        ),
-        (
-            [*BENT, "--rectify", "none.txt"],
-            "none.txt",
-        ),
+        ([*BENT, "--new-matrix", "1,2"], "--new-matrix: "),
+        ([*BENT, "--new-matrix", "0,1,2,3"], "--new-matrix: intrinsics with fx 0"),
+        ([*BENT, "--rectify", "2,0,0,0,1,0,0,0,1"], "--rectify: the rotation is not orthonormal"),
+        ([*BENT, "--rectify", "none.txt"], "none.txt"),
         (
             ["rotate", "photo.png", "out.png", "--degrees", "9", "--method", "magic"],
             "unknown method",

@@ -63,13 +63,7 @@ def test_that_values_are_totals_may_be_said_in_numbers() -> None:
 
 @pytest.mark.parametrize(
     ("method", "kernel"),
-    [
-        ("points", split_map),
-        pytest.param(
-            *("splats", blocks_on_map),
-            marks=pytest.mark.sweep,
-        ),
-    ],
+    [("points", split_map), pytest.param(*("splats", blocks_on_map), marks=pytest.mark.sweep)],
 )
 def test_maps_may_be_frozen_and_lie_in_columns(method: str, kernel: Any) -> None:
     row, column = np.mgrid[:12, :12] + 0.5

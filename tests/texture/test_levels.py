@@ -8,15 +8,7 @@ from PIL import Image
 from conftest import real
 from resample.colors import from_srgb, to_srgb
 from resample_chunks import warp_chunks
-from resample_texture import (
-    ForwardMap,
-    PictureScene,
-    Plan,
-    project,
-    resize,
-    rotate,
-    warp,
-)
+from resample_texture import ForwardMap, PictureScene, Plan, project, resize, rotate, warp
 from resample_texture.cli import app
 from resample_texture.methods.forward import Hybrid
 from tests.commands import ended
@@ -125,17 +117,13 @@ def test_a_projection_follows_the_rule():
     assert np.abs(shown - levels).mean() < 0.4 * np.abs(shown - light).mean()
 
 
-def forward(height, width, scale):
-    """A picture's texels, moved and `scale` times as far apart."""
-    y, x = np.mgrid[:height, :width] + 0.5
-    return ForwardMap(scale * x + 0.3, scale * y + 0.2)
-
-
 @pytest.mark.parametrize("dtype", ["uint8", "uint16"])
 def test_forward_maps_follow_the_rule(dtype):
     image = photo(dtype=dtype)
     for scale, is_linear in ((1.0, False), (2.5, False), (0.5, True)):
-        place, limit = forward(60, 80, scale), "area-spline:limit=range"
+        # A picture's texels, moved and `scale` times as far apart
+        y, x = np.mgrid[:60, :80] + 0.5
+        place, limit = ForwardMap(scale * x + 0.3, scale * y + 0.2), "area-spline:limit=range"
         shown = warp(image, place, (24, 32), linear_light="pixels")
         alone = warp(image, place, (24, 32), linear_light=is_linear, interpolation=limit)
         if is_linear:

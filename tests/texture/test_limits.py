@@ -64,13 +64,6 @@ def stands_out(plane, axis):
     return np.min([middle - near, middle - after, 2.0 * ground], axis=0)[2:-2, 2:-2]
 
 
-def varies(plane, axis):
-    """At corners, how much samples vary along an axis in both rows beside, on the calmer side."""
-    step = np.abs(plane - np.roll(plane, 1, axis))
-    step = np.maximum(step, np.roll(step, 1, 1 - axis))
-    return np.maximum(step, np.minimum(np.roll(step, 1, axis), np.roll(step, -1, axis)))
-
-
 def across(plane, axis, along, over, extent):
     """Means (N, C) of splines across an axis, interpolated linearly along it."""
     plane = plane if axis == 1 else plane.swapaxes(0, 1)
@@ -92,7 +85,10 @@ def straightened(source, free, u, v, extents, edge, excess):
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
     changes = []
     for axis, along, over, extent in ((1, x, y, extents[1]), (0, y, x, extents[0])):
-        at = varies(plane, axis)
+        # At corners, how much samples vary along an axis in both rows beside, on the calmer side
+        step = np.abs(plane - np.roll(plane, 1, axis))
+        step = np.maximum(step, np.roll(step, 1, 1 - axis))
+        at = np.maximum(step, np.minimum(np.roll(step, 1, axis), np.roll(step, -1, axis)))
         s, t = (x - column)[:, None], (y - row)[:, None]
         upper = (1 - s) * at[row, column] + s * at[row, column + 1]
         lower = (1 - s) * at[row + 1, column] + s * at[row + 1, column + 1]
@@ -163,16 +159,7 @@ def test_other_interpolations_are_limited_too(interpolation, limit):
     np.testing.assert_allclose(kept.image, expected, atol=1e-5)
 
 
-@pytest.mark.parametrize(
-    "channels",
-    [
-        1,
-        2,
-        4,
-        60,
-        pytest.param(20_000, marks=pytest.mark.sweep),
-    ],
-)
+@pytest.mark.parametrize("channels", [1, 2, 4, 60, pytest.param(20_000, marks=pytest.mark.sweep)])
 def test_any_number_of_channels_is_limited(channels):
     source = np.tile(noise(6, 7, 1), (1, 1, channels))
     one, all_ = (

@@ -76,19 +76,15 @@ def coefficients(source, edge, interpolation):
     for axis, size in enumerate(wide.shape[:2]):
         ring = np.zeros(size)
         for step in range(-reach, reach + 1):
-            ring[step % size] = share(interpolation, step)
+            # What a sample has of the coefficient so many steps away: the value there, or the mean
+            is_mean = getattr(interpolation, "is_mean", False)
+            at = np.abs(step + ((np.arange(2000) + 0.5) / 2000 - 0.5 if is_mean else np.zeros(1)))
+            ring[step % size] = np.where(at <= interpolation.radius, interpolation(at), 0.0).mean()
         shape = [1, 1, 1]
         shape[axis] = size
         response = np.fft.fft(ring / ring.sum()).reshape(shape)
         wide = np.fft.ifft(np.fft.fft(wide, axis=axis) / response, axis=axis).real
     return wide
-
-
-def share(interpolation, step):
-    """What a sample has of the coefficient so many steps away: the value there, or the mean."""
-    is_mean = getattr(interpolation, "is_mean", False)
-    at = np.abs(step + ((np.arange(2000) + 0.5) / 2000 - 0.5 if is_mean else np.zeros(1)))
-    return np.where(at <= interpolation.radius, interpolation(at), 0.0).mean()
 
 
 def along(at, size, edge, interpolation):
@@ -282,10 +278,7 @@ def test_any_affine_map_stays_near_the_range_of_a_constant(sides, place, edge):
 @pytest.mark.sweep
 @pytest.mark.parametrize(
     "error",
-    [
-        0.002,
-        *(pytest.param(error, marks=pytest.mark.sweep) for error in (0.02, 0.007, 0.001)),
-    ],
+    [0.002, *(pytest.param(error, marks=pytest.mark.sweep) for error in (0.02, 0.007, 0.001))],
 )
 def test_an_error_that_is_asked_for_holds(error):
     source = noise(60, 60, 1)

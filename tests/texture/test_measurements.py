@@ -140,10 +140,7 @@ def test_sixteen_bits_are_linear_unless_said_otherwise():
 
 @pytest.mark.parametrize("shape", [(3, 40, 50), (1, 40, 50), (4, 40, 50), (5, 3, 40, 50)])
 def test_channels_first_are_refused_in_words(shape):
-    for call in (
-        lambda image: warp(image, TURNED, FRAME),
-        lambda image: resize(image, (9, 9)),
-    ):
+    for call in (lambda image: warp(image, TURNED, FRAME), lambda image: resize(image, (9, 9))):
         with pytest.raises(
             ValueError, match=r"would be . rows of 40 pixels.*of channels first, numpy"
         ):

@@ -47,12 +47,6 @@ def views(method):
     return [SHRUNK] if method == "points" else [SHRUNK, GROWN]
 
 
-def forward_map(matrix):
-    v, u = np.mgrid[: SOURCE[0], : SOURCE[1]] + 0.5
-    x, y, d = np.tensordot(matrix, np.stack([u, v, np.ones_like(u)]), 1)
-    return ForwardMap(x / d, y / d)
-
-
 def filled(geometry):
     """Pixels around which, 3 px wide, there is nothing but the source."""
     height, width = SHAPE
@@ -123,22 +117,16 @@ FINEST = {"hybrid": {"quality": 6.0, "interpolation": "area-spline:limit=none"}}
 
 @pytest.mark.parametrize(
     "method",
-    [
-        pytest.param(
-            name,
-            marks=pytest.mark.sweep,
-        )
-        if name in SPLATTED
-        else name
-        for name in OURS
-    ],
+    [pytest.param(name, marks=pytest.mark.sweep) if name in SPLATTED else name for name in OURS],
 )
 def test_a_map_of_a_matrix_gives_what_the_matrix_gives(method, record):
     source = noise(1)
     finest = dataclasses.replace(made(method), **FINEST.get(method, {}))
     for view in views(method):
         straight = finest(source, view, SHAPE, Edge.TRANSPARENT).image
-        mapped = finest(source, forward_map(view.matrix), SHAPE, Edge.TRANSPARENT).image
+        v, u = np.mgrid[: SOURCE[0], : SOURCE[1]] + 0.5
+        x, y, d = np.tensordot(view.matrix, np.stack([u, v, np.ones_like(u)]), 1)
+        mapped = finest(source, ForwardMap(x / d, y / d), SHAPE, Edge.TRANSPARENT).image
         inside = filled(view)
         error = (mapped - straight)[inside]
         # A map is linear between texels; it has no edges, so that a weight below 0.97 is kept.

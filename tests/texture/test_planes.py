@@ -11,13 +11,6 @@ ABOVE = np.diag([1.0, -1.0, -1.0, 1.0])  # looks down along −z with +y upwards
 TILTED = look_at((2, -3, 4), (0.3, 0.2, 0))
 
 
-def high(distance):
-    """Pose of a camera that looks straight down from a height."""
-    pose = ABOVE.copy()
-    pose[2, 3] = distance
-    return pose
-
-
 def seen(camera, point):
     """Frame coordinates of a point of the world, and its depth."""
     view = camera.view()
@@ -52,7 +45,10 @@ def test_d_is_the_depth_of_a_perspective():
 
 
 def test_from_above_a_texture_looks_as_it_is():
-    camera = Camera.from_intrinsics(100, 100, 30, 20, high(10.0))
+    # Pose of a camera that looks straight down from a height
+    pose = ABOVE.copy()
+    pose[2, 3] = 10.0
+    camera = Camera.from_intrinsics(100, 100, 30, 20, pose)
     found = plane_homography(camera, TEXTURE, texel_size=0.1)
     np.testing.assert_allclose(found.matrix / found.matrix[2, 2], np.eye(3), atol=1e-12)
 

@@ -28,11 +28,7 @@ MORE = [pair for pair in product(WAYS, EDGES) if pair not in QUICK]
 
 @pytest.mark.some(1)
 @pytest.mark.parametrize(
-    ("way", "edge"),
-    [
-        *QUICK,
-        *(pytest.param(*pair, marks=pytest.mark.sweep) for pair in MORE),
-    ],
+    ("way", "edge"), [*QUICK, *(pytest.param(*pair, marks=pytest.mark.sweep) for pair in MORE)]
 )
 def test_a_region_has_the_bits_of_the_whole(way, edge):
     whole = warp(IMAGE, WAYS[way], FRAME, edge=edge)

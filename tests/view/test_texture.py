@@ -187,10 +187,7 @@ def test_the_exported_command_shows_the_page_s_mesh(
 
 
 def test_views_of_meshes_take_no_options_of_pictures(
-    model: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+    model: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert suits([str(model)])

@@ -102,14 +102,7 @@ def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing)
 
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "primitive",
-    [
-        Primitive.HYBRID,
-        pytest.param(
-            Primitive.PAPER,
-            marks=pytest.mark.sweep,
-        ),
-    ],
+    "primitive", [Primitive.HYBRID, pytest.param(Primitive.PAPER, marks=pytest.mark.sweep)]
 )
 def test_across_the_threshold_splats_become_points(primitive):
     share, voxels = [], Subject.of(vessel_tree(16), of_voxels())

@@ -7,13 +7,7 @@ from resample.command.settings import Resampling
 from resample.painting.choices import MEASURING, Primitive, Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample_volume.appearance import (
-    BY_DEFAULT,
-    Appearance,
-    Classification,
-    XRay,
-    check_together,
-)
+from resample_volume.appearance import BY_DEFAULT, Appearance, Classification, XRay, check_together
 from resample_volume.classification.labels import Rule
 from resample_volume.classification.presets import LEVELS, load_transfer
 from resample_volume.classification.transfer import spread

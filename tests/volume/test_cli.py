@@ -181,15 +181,9 @@ def test_splats_are_red_when_colored_by_primitive():
         ["--threshold", "100"],
         ["--subpixels", "1"],
         ["--filter", "gaussian:sigma=0.7"],
-        pytest.param(
-            ["--kernel", "bspline"],
-            marks=pytest.mark.sweep,
-        ),
+        pytest.param(["--kernel", "bspline"], marks=pytest.mark.sweep),
         ["--kernel", "gaussian:sigma=0.9"],
-        pytest.param(
-            ["--opacity", "linear"],
-            marks=pytest.mark.sweep,
-        ),
+        pytest.param(["--opacity", "linear"], marks=pytest.mark.sweep),
         ["--transfer", "gray:opacity=0.3"],
         ["--opacity-unit", "5"],
         ["--camera", "60/20/1"],

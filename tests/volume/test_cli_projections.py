@@ -291,10 +291,7 @@ def test_compare_refuses_what_cannot_be_compared(words, complaint, capsys):
     [
         "render",
         *(
-            pytest.param(
-                name,
-                marks=pytest.mark.sweep,
-            )
+            pytest.param(name, marks=pytest.mark.sweep)
             for name in ("compare", "animate", "figures")
         ),
     ],

@@ -38,23 +38,19 @@ def is_kept(rows: np.ndarray, position: np.ndarray) -> np.ndarray:
     return (position @ rows[:, :3].T + rows[:, 3] >= -1e-9).all(axis=1)
 
 
-def as_numpy(box: str) -> tuple[slice, ...]:
-    """The same crop as slices of an array (Z, Y, X)."""
+@every_volume
+@pytest.mark.parametrize("box", BOXES)
+def test_a_crop_keeps_the_voxels_that_numpy_would(name: str, box: str) -> None:
+    volume = VOLUMES[name]
+    wanted = np.zeros(SHAPE, bool)
+    # The same crop as slices of an array (Z, Y, X)
     parts = []
     for part in box.split(","):
         words = [int(word) if word.strip() else None for word in part.split(":")]
         if len(words) == 1:
             words.append(None if words[0] == -1 else words[0] + 1)
         parts.append(slice(*words))
-    return tuple(parts[::-1])
-
-
-@every_volume
-@pytest.mark.parametrize("box", BOXES)
-def test_a_crop_keeps_the_voxels_that_numpy_would(name: str, box: str) -> None:
-    volume = VOLUMES[name]
-    wanted = np.zeros(SHAPE, bool)
-    wanted[as_numpy(box)] = True
+    wanted[tuple(parts[::-1])] = True
     z, y, x = np.indices(SHAPE).reshape(3, -1)
     found = is_kept(planes(volume, box), scene(volume, np.stack([x, y, z], axis=1)))
     np.testing.assert_array_equal(found, wanted.ravel())

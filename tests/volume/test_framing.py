@@ -244,15 +244,7 @@ def test_a_thin_thing_that_is_connected_counts():
 def test_every_mode_sees_the_same_ball(transfer, rng):
     values = blob(np.int16) + rng.integers(0, 20, (48, 48, 48)).astype(np.int16)
     values[2, 3, 4] = 30000
-    first, *others = balls(transfer, values)
-    for ball in others:
-        np.testing.assert_allclose(ball.center, first.center)
-        assert ball.radius == pytest.approx(first.radius)
-    assert first.radius < 17
-
-
-def balls(transfer, values):
-    """What cameras look at in all modes, as the command line chooses it."""
+    # What cameras look at in all modes, as the command line chooses it
     volume = as_volume(values)
     chosen = [Resampling(projection=name) for name in ("composite", "maximum", "average")]
     chosen += [Resampling(projection="additive"), Resampling(projection="first-hit", iso=150)]
@@ -262,7 +254,11 @@ def balls(transfer, values):
             look = AppearanceChoices(transfer=transfer, classify=classify_)
             resampler = look.renderer(resampling)
             found.append(Subject.of(volume, look.appearance(volume, resampler), resampler).sphere)
-    return found
+    first, *others = found
+    for ball in others:
+        np.testing.assert_allclose(ball.center, first.center)
+        assert ball.radius == pytest.approx(first.radius)
+    assert first.radius < 17
 
 
 @pytest.mark.each_value

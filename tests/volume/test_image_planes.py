@@ -45,18 +45,15 @@ def coarse(monkeypatch):
     monkeypatch.setattr(image_planes, "FINEST", 1)
 
 
-def looking_along(normal):
-    """Rotation (3, 3) of a camera that looks along a direction."""
-    right = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(normal, right), normal])
-
-
 def straight(volume, where, per_unit=8.0, size=48, perspective=False):
     """Camera straight before a plane, and voxels (H, W, 3) of it that pixels show."""
     plane = settled(ImagePlane(where), volume)
     middle = volume.origin + lattice_of(volume) @ outline(volume, plane.where).mean(axis=0)
-    rotation, pose = looking_along(np.array(plane.where[:3])), np.eye(4)
+    # Rotation (3, 3) of a camera that looks along a direction
+    normal = np.array(plane.where[:3])
+    right = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    right /= np.linalg.norm(right)
+    rotation, pose = np.stack([right, np.cross(normal, right), normal]), np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, -rotation @ middle + [0, 0, AWAY]
     half, focal = size / 2, per_unit * AWAY
     camera = Orthographic(per_unit, per_unit, half, half, pose)

@@ -39,10 +39,7 @@ class Delayed:
     "given",
     [
         PLAIN.astype(">f4"),
-        pytest.param(
-            np.asfortranarray(PLAIN),
-            marks=pytest.mark.sweep,
-        ),
+        pytest.param(np.asfortranarray(PLAIN), marks=pytest.mark.sweep),
         np.repeat(PLAIN, 2, axis=2)[:, :, ::2],
         PLAIN[::-1][::-1],
         read_only(),

@@ -39,11 +39,7 @@ def test_total_opacity_does_not_depend_on_the_zoom(tree, scale):
     "order",
     [
         pytest.param(ImageSheets(), id="slabs"),
-        pytest.param(
-            EverySample(),
-            marks=pytest.mark.sweep,
-            id="every-sample",
-        ),
+        pytest.param(EverySample(), marks=pytest.mark.sweep, id="every-sample"),
     ],
 )
 def test_total_opacity_does_not_depend_on_how_finely_a_smooth_field_is_sampled(order):

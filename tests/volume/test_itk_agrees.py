@@ -38,10 +38,6 @@ def values(rng):
 def agrees(volume, image):
     """Whether values and places are ITK's."""
     assert np.array_equal(volume.values, sitk.GetArrayFromImage(image))
-    in_place(volume, image)
-
-
-def in_place(volume, image):
     np.testing.assert_allclose(volume.spacing, image.GetSpacing(), rtol=1e-6)
     np.testing.assert_allclose(volume.origin, image.GetOrigin(), rtol=1e-6, atol=1e-6)
     direction = np.reshape(image.GetDirection(), (3, 3))

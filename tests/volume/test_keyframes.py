@@ -71,11 +71,7 @@ def test_a_file_has_a_time_and_a_camera_for_each_keyframe(tmp_path):
     keyframes = read_keyframes(written(tmp_path, ANGLES))
     assert keyframes.time.tolist() == [1, 2, 5]
     assert keyframes.duration == 4
-    assert keyframes.camera == [
-        Orbit(30, 20),
-        Orbit(90, 20, 4.0, 50.0),
-        Orbit(390, -10, 0.25),
-    ]
+    assert keyframes.camera == [Orbit(30, 20), Orbit(90, 20, 4.0, 50.0), Orbit(390, -10, 0.25)]
 
 
 def test_angles_pass_through_all_keyframes(tmp_path):

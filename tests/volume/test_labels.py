@@ -64,9 +64,7 @@ def test_hidden_voxels_leave_no_gradient_behind(labeled: tuple[Volume, np.ndarra
     np.testing.assert_array_equal(voxels.position, whole.position[label.ravel() != 0])
 
 
-def test_hiding_a_label_does_not_change_how_others_fade(
-    labeled: tuple[Volume, np.ndarray],
-) -> None:
+def test_hiding_a_label_does_not_change_how_others_fade(labeled: tuple[Volume, np.ndarray]) -> None:
     volume, label = labeled
     ramp = (0.2, 0.9)
     whole = classify(volume, EVEN, gradient_opacity=ramp)

@@ -61,8 +61,7 @@ BYTES = pytest.mark.sweep
 
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "kind",
-    [pytest.param(np.uint8, marks=BYTES), *(np.int16, np.float32, np.float64, np.int32)],
+    "kind", [pytest.param(np.uint8, marks=BYTES), *(np.int16, np.float32, np.float64, np.int32)]
 )
 def test_any_type_of_value_gives_its_bits(kind, rng):
     maximum = replace(ALONG_RAYS, projection=Projection.MAXIMUM)

@@ -115,16 +115,7 @@ LATTICES = {
 
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "name",
-    [
-        "same",
-        "turned",
-        "apart",
-        pytest.param(
-            "coarser",
-            marks=pytest.mark.sweep,
-        ),
-    ],
+    "name", ["same", "turned", "apart", pytest.param("coarser", marks=pytest.mark.sweep)]
 )
 def test_overlapping_balls_are_the_integral_of_both_along_rays(name, record):
     media = [
@@ -146,11 +137,7 @@ LIGHTS = [None, Light(), Light((1, -1, 2), shadows=True, occlusion=True)]
 
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "light",
-    [
-        LIGHTS[1],
-        *(pytest.param(light, marks=pytest.mark.sweep) for light in LIGHTS[::2]),
-    ],
+    "light", [LIGHTS[1], *(pytest.param(light, marks=pytest.mark.sweep) for light in LIGHTS[::2])]
 )
 def test_the_order_of_volumes_does_not_matter(light):
     media = [

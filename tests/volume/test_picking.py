@@ -37,13 +37,9 @@ def cloud(spacing: tuple[float, float, float] = (1.0, 1.0, 1.0), turn: float = 0
     return Volume(values, np.array(spacing), np.array([3.0, -2, 5]), direction, "cloud")
 
 
-def middle(volume: Volume) -> NDArray[Any]:
-    last = np.array(volume.values.shape[::-1]) - 1.0
-    return np.asarray(volume.origin + volume.direction @ (volume.spacing * last) / 2)
-
-
 def cameras(volume: Volume) -> list[AnyCamera]:
-    aim = middle(volume)
+    last = np.array(volume.values.shape[::-1]) - 1.0
+    aim = np.asarray(volume.origin + volume.direction @ (volume.spacing * last) / 2)
     near = look_at(aim + np.array([14.3, -19.1, 7.7]), aim)
     above = orbit(aim, 40.0, 33, 62)
     return [Camera.from_fov(50, SIZE[1], SIZE[0], near), Orthographic(0.7, 0.7, 7.0, 5.5, above)]

@@ -204,11 +204,7 @@ def test_one_ray_is_filtered_to_the_mean_of_a_pixel() -> None:
     camera, size = ahead(blobs((8, 14, 14)), 1.5)
     middle, mean, many = (
         seen(blobs((8, 14, 14)), along_rays(**choice), camera, size).rgba
-        for choice in (
-            {"subpixels": 1},
-            {"order": Rays(quality="fast")},
-            {"subpixels": 16},
-        )
+        for choice in ({"subpixels": 1}, {"order": Rays(quality="fast")}, {"subpixels": 16})
     )
     errors = [np.sqrt(np.mean((few - many) ** 2)) for few in (middle, mean)]
     assert errors[1] < 0.8 * errors[0]

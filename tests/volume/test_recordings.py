@@ -15,11 +15,7 @@ from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.appearance import Appearance, Classification
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
-from resample_volume.data.recordings import (
-    linear_colors,
-    volume_at,
-    with_times_first,
-)
+from resample_volume.data.recordings import linear_colors, volume_at, with_times_first
 from resample_volume.files.metaimage import MetaImage
 from resample_volume.files.nifti import Nifti
 from resample_volume.files.nrrd import Nrrd

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from resample.colors import from_srgb
-from resample.types import Floats
 from resample_volume.classification.presets import PRESETS, load_transfer
 from resample_volume.classification.transfer import (
     MOST_OPAQUE,
@@ -277,13 +276,6 @@ def test_a_function_of_values_is_tabulated_in_one_row() -> None:
     np.testing.assert_allclose(1 - np.exp(-2 * looks.table[0, :, 3]), opacity, atol=1e-6)
 
 
-def interpolated(table: Floats, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Bilinear, beyond the last row and column as there."""
-    from scipy.ndimage import map_coordinates
-
-    return map_coordinates(table[..., 3].astype(float), [row, column], order=1, mode="nearest")
-
-
 @pytest.mark.some(1)
 @pytest.mark.parametrize(
     "transfer",
@@ -301,7 +293,12 @@ def test_a_table_looks_like_the_function_at_any_slope(
     value, slope = rng.uniform(0, 255, 500), rng.uniform(0, 90, 500).astype(np.float32)
     row, column = slope / looks.steep * 511, value / 255 * 1023
     wanted = transfer.classify(value, slope, BYTE, 50.0)[1]
-    found = 1 - np.exp(-interpolated(looks.table, row, column))
+    # Bilinear, beyond the last row and column as there
+    from scipy.ndimage import map_coordinates
+
+    found = 1 - np.exp(
+        -map_coordinates(looks.table[..., 3].astype(float), [row, column], order=1, mode="nearest")
+    )
     np.testing.assert_allclose(found, wanted, atol=0.01)  # cells of 0.25 and 0.1, ramps of 10
 
 

@@ -171,30 +171,26 @@ def test_missing_values_are_no_neighbours_to_the_light(gradient):
 # Where voxels lie in the scene
 
 
-def turned(rotation, volume):
-    """The volume carried around the origin with its axes."""
-    return volume._replace(
-        direction=rotation @ volume.direction, origin=rotation @ np.asarray(volume.origin)
-    )
-
-
-def rotation_of(rng):
-    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    return q * np.sign(np.linalg.det(q))
-
-
 @pytest.mark.each_value
 @pytest.mark.parametrize("primitive", PRIMITIVES)
 @pytest.mark.parametrize("look", [LIT, PLAIN])
 def test_a_turned_volume_looks_the_same_to_a_camera_turned_with_it(primitive, look, rng):
     volume = TREE._replace(spacing=np.array([1, 1.2, 0.8]), origin=np.array([3.0, -5.0, 2.0]))
-    rotation = rotation_of(rng)
+    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    rotation = q * np.sign(np.linalg.det(q))
     camera = look_from(30, (14.5, 7.5, 11.5))
     pose = camera.world_to_camera.copy()
     pose[:3, :3] = pose[:3, :3] @ rotation.T
     moved = Camera.from_intrinsics(camera.fx, camera.fy, camera.cx, camera.cy, pose)
     straight = picture(volume, look, camera, primitive=primitive).rgba
-    other = picture(turned(rotation, volume), look, moved, primitive=primitive).rgba
+    other = picture(
+        volume._replace(
+            direction=rotation @ volume.direction, origin=rotation @ np.asarray(volume.origin)
+        ),
+        look,
+        moved,
+        primitive=primitive,
+    ).rgba
     assert straight[..., 3].max() > 0.3
     assert np.sqrt(np.mean((straight - other) ** 2)) < 1e-4  # float32 positions
     assert np.abs(straight - other).max() < 2e-2  # a pair of samples may change its order

@@ -38,20 +38,6 @@ def unit(vector: Doubles) -> Doubles:
     return vector / np.linalg.norm(vector)
 
 
-def naive_shade(voxels: Voxels, light: Light, eye: Doubles) -> Doubles:
-    """Blinn and Phong, a voxel at a time."""
-    shaded = np.empty((len(voxels.position), 3))
-    for n, position in enumerate(voxels.position.astype(float)):
-        normal = unit(voxels.gradient[n].astype(float))
-        viewer = unit(eye - position)
-        toward = viewer if light.direction is None else unit(np.array(light.direction))
-        halfway = unit(viewer + toward)
-        own = light.ambient + light.diffuse * abs(normal @ toward)
-        highlight = light.specular * abs(normal @ halfway) ** light.shininess
-        shaded[n] = voxels.color[n] * own + highlight
-    return shaded
-
-
 def lit(gradient: object, light: Light = MATT) -> Floats:
     return shade(with_gradients(gradient), light, EYE).color
 
@@ -79,7 +65,16 @@ def test_colors_agree_with_the_obvious_loop(
     light = Light(direction, ambient=0.2, diffuse=0.5, specular=0.4, shininess=9.0)
     eye = np.array([4.0, -3.0, 9.0])
     found = shade(voxels, light, eye).color
-    np.testing.assert_allclose(found, naive_shade(voxels, light, eye), atol=1e-6)
+    shaded = np.empty((len(voxels.position), 3))
+    for n, position in enumerate(voxels.position.astype(float)):
+        normal = unit(voxels.gradient[n].astype(float))
+        viewer = unit(eye - position)
+        toward = viewer if light.direction is None else unit(np.array(light.direction))
+        halfway = unit(viewer + toward)
+        own = light.ambient + light.diffuse * abs(normal @ toward)
+        highlight = light.specular * abs(normal @ halfway) ** light.shininess
+        shaded[n] = voxels.color[n] * own + highlight
+    np.testing.assert_allclose(found, shaded, atol=1e-6)
 
 
 def test_without_light_samples_keep_the_voxels_fields(rng: np.random.Generator) -> None:

@@ -58,11 +58,7 @@ WALL = scene_mesh(
         pytest.param({}, None, id="splats"),
         pytest.param(POST | {"meshes": (WALL,)}, Rays(), id="mesh"),
         *(
-            pytest.param(
-                *each,
-                id=name,
-                marks=pytest.mark.sweep,
-            )
+            pytest.param(*each, id=name, marks=pytest.mark.sweep)
             for name, *each in [
                 ("unlit splats", {"light": None}, None),
                 ("unlit rays", POST | {"light": None}, Rays()),

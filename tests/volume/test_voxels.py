@@ -12,13 +12,7 @@ from resample.types import Doubles
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import TransferTable, from_points, tabulated
 from resample_volume.types import Volume
-from resample_volume.voxels.visible import (
-    GRADIENTS,
-    Voxels,
-    classify,
-    finite_range,
-    lattice_of,
-)
+from resample_volume.voxels.visible import GRADIENTS, Voxels, classify, finite_range, lattice_of
 
 WHITE = (1.0, 1.0, 1.0)
 ALL = from_points([(0, (1.0, 0.0, 0.0), 0.5), (100, WHITE, 0.5)])
@@ -125,11 +119,7 @@ def test_the_lattice_is_made_of_the_steps_between_voxels() -> None:
 
 
 @pytest.mark.parametrize(
-    "kind",
-    [
-        *FEW_KINDS,
-        *(pytest.param(kind, marks=pytest.mark.sweep) for kind in FURTHER_KINDS),
-    ],
+    "kind", [*FEW_KINDS, *(pytest.param(kind, marks=pytest.mark.sweep) for kind in FURTHER_KINDS)]
 )
 def test_all_types_give_the_same_voxels(kind: str, rng: np.random.Generator) -> None:
     values = rng.integers(0, 100, (4, 9, 8))
@@ -137,13 +127,7 @@ def test_all_types_give_the_same_voxels(kind: str, rng: np.random.Generator) -> 
     assert_same(classify(unit_volume(values.astype(kind)), UPPER), expected)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "i2",
-        pytest.param("i1", marks=pytest.mark.sweep),
-    ],
-)
+@pytest.mark.parametrize("kind", ["i2", pytest.param("i1", marks=pytest.mark.sweep)])
 def test_negative_codes_are_looked_up_right(kind: str) -> None:
     ramp = from_points([(-100, WHITE, 0.1), (100, WHITE, 0.9)])
     values = np.arange(-100, 101).astype(kind).reshape(3, 67, 1)

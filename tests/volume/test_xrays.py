@@ -222,10 +222,7 @@ def test_a_page_shows_x_rays():
 @pytest.mark.parametrize(
     ("units", "why"),
     [
-        (
-            "",
-            "neither its file nor its values show that they are Hounsfield units; give its units",
-        ),
+        ("", "neither its file nor its values show that they are Hounsfield units; give its units"),
         ("none", "its units are none; give its units, hu or hu.1024, or take the projection addit"),
     ],
 )

@@ -135,7 +135,9 @@ def corner_nearness(nearness, links, corner, member, place):
     The mean of what the samples of that surface that touch the corner extrapolate. Samples touching
     are on one surface if links among the four lead from one to the other.
     """
-    group, around = {member}, _around(nearness.shape, corner)
+    shape = nearness.shape
+    keys = product((corner[0] - 1, corner[0]), (corner[1] - 1, corner[1]))
+    group, around = {member}, [(r, c) for r, c in keys if 0 <= r < shape[0] and 0 <= c < shape[1]]
     for _ in range(3):
         group |= {key for key in around for other in group if _is_link(links, key, other)}
     values = []
@@ -166,17 +168,13 @@ def _beyond(last, previous, distance):
         return distance * last
     if last * previous <= 0:
         return 0.0
-    turn = limb(previous / last)
+    ratio = previous / last
+    turn = 9.0 if ratio >= 0.93 else float(np.interp(ratio, RATIO, TURN))
     if last < 0 and turn < 9:
         scale = last / (math.sqrt(turn) - math.sqrt(turn + 1))
         return scale * (math.sqrt(max(0.0, turn - distance)) - math.sqrt(turn))
     bend = min(max(0.0, 1 - previous / last), BENT) * last
     return distance * last + distance * (distance + 1) / 2 * bend
-
-
-def limb(ratio):
-    """Where √(T − t) with this ratio of steps from −2 to −1 and from −1 to 0 ends; 9: farther."""
-    return 9.0 if ratio >= 0.93 else float(np.interp(ratio, RATIO, TURN))
 
 
 def _line(nearness, links, key, step):
@@ -192,12 +190,6 @@ def _line(nearness, links, key, step):
             found[place] = float(nearness[there])
             here = there
     return found
-
-
-def _around(shape, corner):
-    """Samples that touch a corner of the lattice."""
-    keys = product((corner[0] - 1, corner[0]), (corner[1] - 1, corner[1]))
-    return [(r, c) for r, c in keys if 0 <= r < shape[0] and 0 <= c < shape[1]]
 
 
 def _is_link(links, here, there):

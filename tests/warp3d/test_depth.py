@@ -433,10 +433,7 @@ def test_nothing_of_a_dense_map_is_unknown(tmp_path):
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
-        (
-            colmap_bytes([SINGLE] * 3),
-            "3 channels; depth has one, as in stereo/depth_maps",
-        ),
+        (colmap_bytes([SINGLE] * 3), "3 channels; depth has one, as in stereo/depth_maps"),
         (b"4&3", "not a depth map of COLMAP: it does not begin with"),
         (b"4&three&1&" + bytes(48), "not a depth map of COLMAP"),
         (b"4&-3&1&" + bytes(48), "not a depth map of COLMAP"),

@@ -137,14 +137,7 @@ def test_the_mean_over_a_pixel_is_what_a_method_does_anyway(method, name):
 
 
 @pytest.mark.parametrize(
-    "method",
-    [
-        "hybrid",
-        pytest.param(
-            "mesh:samples=4",
-            marks=pytest.mark.sweep,
-        ),
-    ],
+    "method", ["hybrid", pytest.param("mesh:samples=4", marks=pytest.mark.sweep)]
 )
 def test_depth_and_magnification_are_those_of_a_pixel_s_own_square(method, record):
     usual, given = seen("in", method), seen("in", method, "mitchell")
@@ -184,13 +177,7 @@ def test_the_count_of_threads_does_not_change_a_bit(method):
     assert_threads_change_nothing(lambda: seen("side", method, "lanczos"))
 
 
-@pytest.mark.parametrize(
-    "method",
-    [
-        "hybrid",
-        pytest.param("mesh", marks=pytest.mark.sweep),
-    ],
-)
+@pytest.mark.parametrize("method", ["hybrid", pytest.param("mesh", marks=pytest.mark.sweep)])
 def test_strips_leave_no_seam(method, monkeypatch, record):
     whole = seen("in", method, "gaussian")
     monkeypatch.setattr("resample.profiles.subpixels.LARGEST_STRIP", 8000)

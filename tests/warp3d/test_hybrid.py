@@ -13,16 +13,7 @@ from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid, Preview
 from resample_warp3d.types import DepthImage, Hole
 from resample_warp3d.warping import render
-from tests.warp3d.naive_sheet import (
-    EMPTY,
-    ball,
-    camera_at,
-    depth_image,
-    flat,
-    pattern,
-    plane,
-    see,
-)
+from tests.warp3d.naive_sheet import EMPTY, ball, camera_at, depth_image, flat, pattern, plane, see
 from tests.warp3d.naive_warp import EQUATIONS, random_source
 
 SHAPE = 64, 64
@@ -320,8 +311,7 @@ def test_back_faces_are_not_seen():
 
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "target",
-    [camera_at((0.3, 0.03, 0)), camera_at((0.3, 0, -3.0)), camera_at((1.2, 0, 0), -0.4)],
+    "target", [camera_at((0.3, 0.03, 0)), camera_at((0.3, 0, -3.0)), camera_at((1.2, 0, 0), -0.4)]
 )
 @pytest.mark.parametrize("gap", [1.005, 1.05, 2.0])
 def test_what_is_hidden_does_not_bleed(target, gap):

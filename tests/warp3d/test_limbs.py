@@ -33,19 +33,19 @@ def source():
     return prepare(depth_image(THINGS, camera, (SIZE, SIZE), rays=4), noise=0.0, step=0.0)
 
 
-def horizon(place):
-    """How far places (N, 2) lie within the ball's outline, px, and how near it is there."""
-    ray = np.column_stack([(place - SIZE / 2) / FOCAL, np.ones(len(place))])
-    square = CENTER @ CENTER - RADIUS**2
-    angle = np.arccos((ray @ CENTER) / np.linalg.norm(ray, axis=1) / np.linalg.norm(CENTER))
-    return FOCAL * (np.arcsin(RADIUS / np.linalg.norm(CENTER)) - angle), (ray @ CENTER) / square
-
-
 @pytest.mark.sweep
 def test_ends_lie_on_the_horizon(source):
     sheet = sheet_of(source)
     end = sheet.corner[sheet.ends[:, 0], sheet.ends[:, 1]]
-    within, nearness = horizon(end[:, :2].astype(float))
+    # How far places (N, 2) lie within the ball's outline, px, and how near it is there
+    place = end[:, :2].astype(float)
+    ray = np.column_stack([(place - SIZE / 2) / FOCAL, np.ones(len(place))])
+    square = CENTER @ CENTER - RADIUS**2
+    angle = np.arccos((ray @ CENTER) / np.linalg.norm(ray, axis=1) / np.linalg.norm(CENTER))
+    within, nearness = (
+        FOCAL * (np.arcsin(RADIUS / np.linalg.norm(CENTER)) - angle),
+        (ray @ CENTER) / square,
+    )
     assert len(end) > 300
     # A ball of 34 px taken for a parabola: 0.14 px; a few samples lie beyond that. In nearness a
     # tenth of what it falls by over the last sample, which is 20 %.
@@ -64,11 +64,6 @@ def test_a_surface_that_turns_away_is_marked_on_that_side(source):
     np.testing.assert_array_equal(sheet.links[2:-2, 2:-2] % TURNS, source.links)
 
 
-def border(picture, rows):
-    """First column of what is not black, in some rows."""
-    return np.array([np.flatnonzero(picture[row] > 0.5)[0] for row in rows])
-
-
 @pytest.mark.sweep
 def test_the_border_of_a_ball_seen_from_the_side_has_no_teeth(source, record):
     alone = source._replace(nearness=np.where(source.nearness > 0.2, source.nearness, 0.05))
@@ -77,7 +72,8 @@ def test_the_border_of_a_ball_seen_from_the_side_has_no_teeth(source, record):
     is_ball = (rendered.coverage > 0.5) & (rendered.nearness > 0.15)
     truth = see(THINGS, ASIDE, (SIZE, SIZE), rays=4)
     rows = np.flatnonzero((truth.share[..., 0] > 0.5).sum(axis=1) > 30)[4:-4]
-    first = border(is_ball.astype(float), rows)
+    picture = is_ball.astype(float)
+    first = np.array([np.flatnonzero(picture[row] > 0.5)[0] for row in rows])
     steps = np.array([b - a for a, b in pairwise(first)])
     bend = np.abs(np.diff(steps))
     # From row to row the border moves evenly: by rounding alone it changes by one px.

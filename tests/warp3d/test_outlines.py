@@ -4,14 +4,7 @@ import pytest
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.sheet.sheets import sheet_of
 from resample_warp3d.types import DepthImage
-from tests.warp3d.naive_sheet import (
-    EMPTY,
-    camera_at,
-    colors_of,
-    depth_image,
-    flat,
-    plane,
-)
+from tests.warp3d.naive_sheet import EMPTY, camera_at, colors_of, depth_image, flat, plane
 
 SIZE = 24
 RED, BLUE = np.array([0.8, 0.2, 0.1]), np.array([0.1, 0.4, 0.9])

@@ -17,18 +17,13 @@ THINGS = [ball((0.3, 0.2, 2.2), 0.5, pattern(4.0)), *ROOM]
 SIZE = 64, 80
 
 
-def turned(yaw, pitch):
-    """World-to-camera rotation."""
-    a, b = np.cos([yaw, pitch])
-    c, d = np.sin([yaw, pitch])
-    return np.array([[1, 0, 0], [0, b, d], [0, -d, b]]) @ np.array(
-        [[a, 0, -c], [0, 1, 0], [c, 0, a]]
-    )
-
-
 def camera(yaw, pitch, eye):
     pose = np.eye(4)
-    pose[:3, :3] = turned(yaw, pitch)
+    a, b = np.cos([yaw, pitch])
+    c, d = np.sin([yaw, pitch])
+    pose[:3, :3] = np.array([[1, 0, 0], [0, b, d], [0, -d, b]]) @ np.array(
+        [[a, 0, -c], [0, 1, 0], [c, 0, a]]
+    )
     pose[:3, 3] = -pose[:3, :3] @ eye
     return camera_at(focal=50.0, shape=SIZE).moved(pose)
 

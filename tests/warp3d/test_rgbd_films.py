@@ -97,10 +97,7 @@ def test_a_doubtful_scale_is_said_once(capsys):
         (["film.gif", "depth/0.png", "-o", "out.gif"], "is neither a film, a folder nor a pattern"),
         (["film.gif", "depth/[01].png", "-o", "out.gif"], "film.gif has 3 pictures, depth/[01]"),
         (["film.gif", "depth", "-o", "out.jpg"], "the 3 pictures of film.gif are written as"),
-        (
-            ["film.gif", "depth", "-o", "out.gif", "--holes", "h.png"],
-            "--holes is for pictures",
-        ),
+        (["film.gif", "depth", "-o", "out.gif", "--holes", "h.png"], "--holes is for pictures"),
         (["film.gif", "depth", "-o", "out.gif", "--view", "a,b,c"], "--view is for pictures"),
         (["film.gif", "empty", "-o", "out.gif"], "empty is a folder without files"),
         (["pictures", "depth/1.png", "-o", "out.png"], "pictures: is a folder"),

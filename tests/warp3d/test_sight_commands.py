@@ -80,13 +80,7 @@ def test_a_panorama_is_seen_as_one_by_default(record):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "ray",
-        pytest.param("z", marks=pytest.mark.sweep),
-    ],
-)
+@pytest.mark.parametrize("kind", ["ray", pytest.param("z", marks=pytest.mark.sweep)])
 def test_depth_of_a_panorama_is_along_its_rays(kind, record):
     written = made("around", *AROUND, "--depth-kind", kind, "--move", "0,0,0")
     near(record, "picture", written, PANORAMA, (HEIGHT, 2 * HEIGHT))

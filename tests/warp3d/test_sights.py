@@ -98,11 +98,7 @@ def test_what_is_beyond_the_source_is_outside(name, record):
     [
         pytest.param(Equirectangular(pose(ASIDE, 0.0, 2.5)), id="upside down"),
         *(
-            pytest.param(
-                Equirectangular(pose(*way)),
-                id=name,
-                marks=pytest.mark.sweep,
-            )
+            pytest.param(Equirectangular(pose(*way)), id=name, marks=pytest.mark.sweep)
             for name, *way in [
                 ("the same", EYE),
                 ("turned", ASIDE, 2.5),
@@ -156,11 +152,7 @@ def test_a_lens_that_does_nothing_changes_nothing():
 
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "target",
-    [
-        "equirectangular",
-        pytest.param("fisheye", marks=pytest.mark.sweep),
-    ],
+    "target", ["equirectangular", pytest.param("fisheye", marks=pytest.mark.sweep)]
 )
 def test_filters_see_what_rays_see_under_them(target, record):
     camera = TARGETS[target]

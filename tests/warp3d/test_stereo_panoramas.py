@@ -28,24 +28,20 @@ def write_image(name, color):
     write_picture(Path(name), Picture(np.asarray(color, np.float32), kind), WriteOptions())
 
 
-def rays_of_eyes(right, rows, u, v):
-    """Eyes and rays of a stereo panorama, as in Peleg, Ben-Ezra and Pritch 2001."""
-    y, x = np.mgrid[:rows, : 2 * rows]
-    east, north = (x + u) * np.pi / rows - np.pi, np.pi / 2 - (y + v) * np.pi / rows
-    ray = [np.cos(north) * np.sin(east), -np.sin(north), np.cos(north) * np.cos(east)]
-    share = np.clip((abs(north) - MERGING[0]) / np.ptp(MERGING), 0, 1)
-    out = right * np.cos(share * np.pi / 2)
-    eye = [out * np.cos(east), np.zeros_like(east), -out * np.sin(east)]
-    return EYE + np.stack(eye, -1), np.stack(ray, -1)
-
-
 @cache
 def traced(right, rows=ROWS):
     """Color of the true panorama of an eye, and ray lengths at the pixels' centers."""
     total = 0.0
     steps = [(n % RAYS + 0.5) / RAYS for n in range(RAYS**2)]
     for u, v in [*zip(steps, np.sort(steps), strict=True), (0.5, 0.5)]:
-        eyes, rays = rays_of_eyes(right, rows, u, v)
+        # Eyes and rays of a stereo panorama, as in Peleg, Ben-Ezra and Pritch 2001
+        y, x = np.mgrid[:rows, : 2 * rows]
+        east, north = (x + u) * np.pi / rows - np.pi, np.pi / 2 - (y + v) * np.pi / rows
+        ray = [np.cos(north) * np.sin(east), -np.sin(north), np.cos(north) * np.cos(east)]
+        share = np.clip((abs(north) - MERGING[0]) / np.ptp(MERGING), 0, 1)
+        out = right * np.cos(share * np.pi / 2)
+        eye = [out * np.cos(east), np.zeros_like(east), -out * np.sin(east)]
+        eyes, rays = EYE + np.stack(eye, -1), np.stack(ray, -1)
         distance = np.array([thing.hit(eyes, rays) for thing in THINGS])
         length, first = distance.min(axis=0), distance.argmin(axis=0)
         point = eyes + length[..., None] * rays

@@ -155,17 +155,6 @@ def test_a_view_that_shares_nothing_with_two_others_does_not_darken_them(colors)
     np.testing.assert_allclose(match.gain[0] * match.gain[1], 1, atol=0.02)
 
 
-def hand_held(views, degrees, units):
-    """Views whose cameras are turned and moved by about so much."""
-    rng, made = np.random.default_rng(3), []
-    for source, camera in views:
-        moved = np.eye(4)
-        moved[:3, :3] = Rotation.from_rotvec(np.radians(rng.normal(0, degrees, 3))).as_matrix()
-        moved[:3, 3] = rng.normal(0, units, 3)
-        made.append(PosedSource(source, camera.moved(moved @ camera.world_to_camera)))
-    return made
-
-
 def apart(views):
     """Mean distance, px, of where two views put a point from where a third one does."""
     point = np.array([0.3, 0.2, 3.0, 1.0])
@@ -178,7 +167,14 @@ def apart(views):
 
 
 def test_poses_of_hand_held_views_are_refined_by_colors_and_depths():
-    given = hand_held(standing((0.9, 1.0, 1.1)), 0.6, 0.01)
+    # Views whose cameras are turned and moved by about so much
+    views = standing((0.9, 1.0, 1.1))
+    rng, given = np.random.default_rng(3), []
+    for source, camera in views:
+        moved = np.eye(4)
+        moved[:3, :3] = Rotation.from_rotvec(np.radians(rng.normal(0, 0.6, 3))).as_matrix()
+        moved[:3, 3] = rng.normal(0, 0.01, 3)
+        given.append(PosedSource(source, camera.moved(moved @ camera.world_to_camera)))
     ready = agreed(given, Joining())
     found = [ready.standing[ready.order.index(n)] for n in range(3)]
     assert apart(given) > 1.0  # px

@@ -30,11 +30,7 @@ def test_importing_the_package_imports_no_heavy_library():
         ["render", "--help"],
         *(
             pytest.param(words, marks=pytest.mark.sweep)
-            for words in (
-                ["--help"],
-                ["--version"],
-                ["animate", "--help"],
-            )
+            for words in (["--help"], ["--version"], ["animate", "--help"])
         ),
     ],
 )

@@ -21,10 +21,7 @@ SHAPE = 96, 112
 LENS = [0.03, -0.015, 0.004, -0.0006]
 MATRIX = np.array([[34.0, 0.0, 56.0], [0.0, 34.0, 48.0], [0.0, 0.0, 1.0]])
 FISHEYE = Camera(MATRIX, distortion=np.array(LENS), model=LensModel.FISHEYE)
-THINGS = [
-    ball((-0.5, 0.1, 2.5), 0.6, pattern(5.0)),
-    plane((0.1, 0.05, 1), 4.0, pattern(1.5)),
-]
+THINGS = [ball((-0.5, 0.1, 2.5), 0.6, pattern(5.0)), plane((0.1, 0.05, 1), 4.0, pattern(1.5))]
 TARGETS = {
     "beside": camera_at((0.25, 0.05, 0.1), focal=60.0, shape=(64, 72)),
     "turned": camera_at((0.1, 0.0, 0.2), 0.6, focal=60.0, shape=(64, 72)),

@@ -17,11 +17,7 @@ pytest.importorskip("vtkmodules", reason="VTK, the extra vtk, is not installed")
 from vtkmodules import vtkIOLegacy, vtkIOXML
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkPoints
-from vtkmodules.vtkCommonDataModel import (
-    vtkImageData,
-    vtkMultiBlockDataSet,
-    vtkStructuredGrid,
-)
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkMultiBlockDataSet, vtkStructuredGrid
 from vtkmodules.vtkFiltersGeneral import vtkDataSetTriangleFilter
 
 STEPS = (0.25, 0.5, 1.0)

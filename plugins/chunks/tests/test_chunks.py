@@ -119,10 +119,7 @@ MORE_TEXELS = product(
     [
         *TEXELS,
         *(
-            pytest.param(
-                *each,
-                marks=pytest.mark.sweep,
-            )
+            pytest.param(*each, marks=pytest.mark.sweep)
             for each in MORE_TEXELS
             if each not in TEXELS
         ),

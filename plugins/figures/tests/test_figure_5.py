@@ -3,13 +3,7 @@ import pytest
 
 from resample.files.images import read_image
 from resample_comparisons.texture import scenes
-from resample_figures.figure_5 import (
-    FIGURE,
-    FloorPicture,
-    compare_floors,
-    generated,
-    write_figures,
-)
+from resample_figures.figure_5 import FIGURE, FloorPicture, compare_floors, generated, write_figures
 
 
 @pytest.fixture
@@ -59,13 +53,7 @@ def test_names_of_files_are_plain(monkeypatch, tmp_path):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(
-    "name",
-    [
-        "checker",
-        pytest.param("bricks", marks=pytest.mark.sweep),
-    ],
-)
+@pytest.mark.parametrize("name", ["checker", pytest.param("bricks", marks=pytest.mark.sweep)])
 def test_what_is_generated_is_known_finer(name):
     picture, fine = generated(name)
     assert picture.shape[:2] == (1024, 1024)

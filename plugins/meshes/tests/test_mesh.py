@@ -64,10 +64,7 @@ def test_coverage_sums_to_the_area():
     [
         (4.0, 0.0001),
         *(
-            pytest.param(
-                *each,
-                marks=pytest.mark.sweep,
-            )
+            pytest.param(*each, marks=pytest.mark.sweep)
             for each in [(0.6, 0.0001), (0.6, 0.002), (4.0, 0.002)]
         ),
     ],

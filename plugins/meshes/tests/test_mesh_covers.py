@@ -144,13 +144,7 @@ def glass_cube(texture, alpha):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(
-    "alpha",
-    [
-        "blend",
-        pytest.param("mask", marks=pytest.mark.sweep),
-    ],
-)
+@pytest.mark.parametrize("alpha", ["blend", pytest.param("mask", marks=pytest.mark.sweep)])
 def test_a_cube_with_openings_shows_its_inside(alpha, record):
     mesh, camera = glass_cube(see_through(32), alpha), oblique(3.5, 40)
     frame = picture(mesh, camera, 40)

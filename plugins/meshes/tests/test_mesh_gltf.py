@@ -175,10 +175,7 @@ def test_parts_without_texture_coordinates_keep_their_color_under_another_textur
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            {"materials": [{"alphaMode": "GLASS"}]},
-            "alphaMode 'GLASS'; known: OPAQUE, MASK, BLEND",
-        ),
+        ({"materials": [{"alphaMode": "GLASS"}]}, "alphaMode 'GLASS'; known: OPAQUE, MASK, BLEND"),
         ({"samplers": [{"wrapS": 1}]}, "a sampler wraps by 1; known: 33071"),
         ({"samplers": []}, "cannot be read as a mesh"),
         ({"materials": [{"pbrMetallicRoughness": {"baseColorFactor": [1]}}]}, "it has 4"),

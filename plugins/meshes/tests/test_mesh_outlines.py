@@ -66,17 +66,7 @@ def fan(count, height):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(
-    "count",
-    [
-        7,
-        100,
-        pytest.param(
-            1000,
-            marks=pytest.mark.sweep,
-        ),
-    ],
-)
+@pytest.mark.parametrize("count", [7, 100, pytest.param(1000, marks=pytest.mark.sweep)])
 @pytest.mark.parametrize("height", [0.0, 0.1])
 def test_triangles_that_share_an_outline_share_its_pixels(count, height, record):
     rim, mesh = fan(count, height)

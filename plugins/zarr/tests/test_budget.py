@@ -16,11 +16,7 @@ PICTURE = 64 * SIDE * SIDE  # bytes of a picture, and of what is made of it
     [
         (256, 96),
         *(
-            pytest.param(
-                size,
-                allowed,
-                marks=pytest.mark.sweep,
-            )
+            pytest.param(size, allowed, marks=pytest.mark.sweep)
             for size, allowed in ((512, 192), (512, 320), (1024, 768), (1024, 1024))
         ),
     ],

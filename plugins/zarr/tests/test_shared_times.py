@@ -72,12 +72,7 @@ def frames(folder):
         ),
         pytest.param("float32", ["--projection", "average"], id="means"),
         *(
-            pytest.param(
-                kind,
-                words,
-                id=name,
-                marks=pytest.mark.sweep,
-            )
+            pytest.param(kind, words, id=name, marks=pytest.mark.sweep)
             for name, kind, words in [
                 ("regions", "uint8", ["--transfer", "surfaces"]),
                 ("range", "float32", [*CROPPED, "--depth-cue", "0.4"]),
@@ -200,12 +195,7 @@ def pickled(monkeypatch):
         ("a.npy", [], False),
         ("a.zarr", ["--transfer", "surfaces"], True),
         *(
-            pytest.param(
-                "a.zarr",
-                words,
-                False,
-                marks=pytest.mark.sweep,
-            )
+            pytest.param("a.zarr", words, False, marks=pytest.mark.sweep)
             for words in ([], ["--projection", "maximum", "--memory", "100MB"])
         ),
     ],
@@ -239,16 +229,7 @@ def test_rays_that_become_voxels_beside_another_volume_are_shared_out(name):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(
-    "is_kept",
-    [
-        False,
-        pytest.param(
-            True,
-            marks=pytest.mark.sweep,
-        ),
-    ],
-)
+@pytest.mark.parametrize("is_kept", [False, pytest.param(True, marks=pytest.mark.sweep)])
 @pytest.mark.usefixtures("pickled")
 def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
     monkeypatch.setattr(scanning, "LEAST", 0 if is_kept else 1 << 30)

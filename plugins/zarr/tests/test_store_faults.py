@@ -25,10 +25,7 @@ zarr = pytest.importorskip("zarr")
 pytest.importorskip("obstore", reason="the extra remote is not installed")
 
 ended = partial(commands.ended, app)
-COMMANDS = {
-    "render": ["--size", "16", "-o", "a.png"],
-    "convert": ["b.ome.zarr", "--chunk", "8"],
-}
+COMMANDS = {"render": ["--size", "16", "-o", "a.png"], "convert": ["b.ome.zarr", "--chunk", "8"]}
 
 
 @pytest.fixture(autouse=True)
@@ -215,10 +212,7 @@ class Terminal(io.StringIO):
     [
         {},
         *(
-            pytest.param(
-                each,
-                marks=pytest.mark.sweep,
-            )
+            pytest.param(each, marks=pytest.mark.sweep)
             for each in ({"shard": 16}, {"is_layered": False})
         ),
     ],
@@ -255,16 +249,7 @@ main()
 @pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
-@pytest.mark.parametrize(
-    "form",
-    [
-        [],
-        pytest.param(
-            ["--shard", "32"],
-            marks=pytest.mark.sweep,
-        ),
-    ],
-)
+@pytest.mark.parametrize("form", [[], pytest.param(["--shard", "32"], marks=pytest.mark.sweep)])
 def test_a_disk_that_takes_no_more_leaves_no_store(form, values):
     np.save("a.npy", values)
     most = 1 << 14 if form else 1 << 11  # between metadata and what lies in a file

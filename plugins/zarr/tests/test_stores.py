@@ -495,10 +495,7 @@ def test_a_store_is_converted_to_a_store(values, here):
         ("uint8", (3, 90, 128)),
         ("float32", (70, 130, 65)),
         *(
-            pytest.param(
-                *each,
-                marks=pytest.mark.sweep,
-            )
+            pytest.param(*each, marks=pytest.mark.sweep)
             for each in [
                 ("uint8", (70, 130, 65)),
                 ("int16", (70, 130, 65)),

@@ -15,10 +15,7 @@ EVIL = "<script>alert('x')</script>"
 def rows(zone: str, psnr: float) -> list[dict[str, object]]:
     numbers = {"psnr": psnr, "ssim": 0.9, "flip": 0.1, "ms": 2.5}
     better = {"psnr": math.inf, "ssim": 1.0, "flip": 0.0, "ms": 1.5}
-    return [
-        {"zone": zone, "method": "plain", **numbers},
-        {"zone": zone, "method": EVIL, **better},
-    ]
+    return [{"zone": zone, "method": "plain", **numbers}, {"zone": zone, "method": EVIL, **better}]
 
 
 @pytest.fixture

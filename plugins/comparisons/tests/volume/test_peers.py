@@ -19,8 +19,7 @@ from resample_volume.voxels.visible import lattice_of
 SIZE = {"height": 60, "width": 80}
 FAINT = from_points([(0, (0.5, 0.5, 0.5), 0), (200, (1, 0.5, 0.2), 0.02)], opacity_unit=1.0)
 WARM = from_points(
-    [(0, (0.2, 0.2, 0.9), 0), (60, (0.5, 0.1, 0.1), 0), (255, (1, 0.8, 0.5), 0.4)],
-    opacity_unit=1.0,
+    [(0, (0.2, 0.2, 0.9), 0), (60, (0.5, 0.1, 0.1), 0), (255, (1, 0.8, 0.5), 0.4)], opacity_unit=1.0
 )
 WHITE = from_points([(0, (1, 1, 1), 0.1), (255, (1, 1, 1), 0.1)], opacity_unit=1.0)
 
