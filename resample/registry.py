@@ -80,7 +80,7 @@ def missing(group: str, name: str) -> str:
     """Which package of this project has a part that is not installed; empty if none has."""
     for package, parts in ELSEWHERE.items():
         if name in parts.get(group, "").split() and name not in _entries(group):
-            kind = _singular(group)
+            kind = "method" if group in ("primitives", "warps") else _singular(group)
             return f"{kind} '{name}' is in {package}, which is not installed: pip install {package}"
     return ""
 

@@ -176,7 +176,8 @@ def warp_all(
         output = target
     warping.check()
     # Pictures of the same size share a target, whose files are read once.
-    job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(outputs.roi))
+    look = written.options(output.suffix)
+    job = Job(lru_cache(maxsize=1)(aim), warping, look, region(outputs.roi))
     coverage, stats = outputs.coverage, outputs.stats
     if coverage is not None:
         check_output(coverage, WriteOptions(is_light=False))

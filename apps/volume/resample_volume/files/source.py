@@ -182,7 +182,7 @@ def find_reader(path: str | Path) -> Reader:
         if path.is_dir() and not hint:
             why = f"{path} holds no slices; give a folder of .dcm, .tif, .png or .jpg files, or a "
             why += "file"
-        elif found := reader_of(path):
+        elif not hint and (found := reader_of(path)):
             why = f"{path} holds no volume: {found}"
         elif not hint:
             known = " ".join(sorted(readers))
