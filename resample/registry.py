@@ -85,7 +85,7 @@ def missing(group: str, name: str) -> str:
     """Name of this project's package with a missing part; empty if unknown."""
     for package, parts in ELSEWHERE.items():
         if name in parts.get(group, "").split() and name not in _entries(group):
-            kind = _singular(group)
+            kind = "method" if group in ("primitives", "warps") else _singular(group)
             return f"{kind} '{name}' is in {package}, which is not installed: pip install {package}"
     return ""
 

@@ -56,7 +56,7 @@ from resample.command.flags import (
     under,
 )
 from resample.command.stopping import at_most
-from resample.console import SPLAT_COLOR, Color, background_in, linear_color
+from resample.console import SPLAT_COLOR, Color, background_in
 from resample.files.metadata.tags import SUFFIXES as PICTURES
 from resample.files.metadata.tags import settings_in, stating
 from resample.files.writing import check_targets, replacing
@@ -676,14 +676,14 @@ class Written(Choices):
         "for .jpg, 90 for .webp, 85 for .avif]",
     )
 
-    def options(self) -> "WriteOptions":
-        """Options of the picture writer.
+    def options(self, suffix: str = "") -> "WriteOptions":
+        """Options of the writer of pictures with a suffix.
 
-        Raises ValueError: the background is not a color, or the quality is unknown.
+        Raises ValueError: the file cannot have the background, or the quality is unknown.
         """
         from resample.files.formats import NO_LOSS, WriteOptions
 
-        behind = None if self.background is None else linear_color(self.background)
+        behind = None if self.background is None else background_in(suffix, self.background)
         quality: int | str | None = self.file_quality
         if isinstance(quality, str) and quality != NO_LOSS:
             if not re.fullmatch(r"\d{1,3}", quality, re.ASCII) or not 1 <= int(quality) <= 100:

@@ -9,6 +9,7 @@ import pytest
 from resample.engine import jit
 from resample.engine.compiled import compiling, entries
 from resample.engine.compiled.entries import Entry
+from tests.processes import python
 from tests.small_kernels import nothing
 
 ENTRY = Entry("a.kernel", "qd", ["a.kernel", "b.STEP"], 1.5, b"machine code\n" * 100)
@@ -60,6 +61,30 @@ def test_a_kernel_whose_file_is_damaged_is_compiled_anew(tmp_path, monkeypatch):
     third = jit.kernel(nothing.__wrapped__)
     third(1)
     assert sum(jit.dispatcher(third).stats.cache_hits.values()) == 1
+
+
+HASHES = """
+from resample.engine.jit import dispatcher, making_kernel
+
+@making_kernel
+def looked_up(number):
+    known = {}
+    known["a"], known["abc"] = number, 2.0
+    return known["a"] + hash("abc" if number > 1.0 else "d" * int(number))
+
+looked_up(1.5)
+print(sum(dispatcher(looked_up).stats.cache_hits.values()), looked_up(1.5) == 1.5 + hash("abc"))
+"""
+
+
+@pytest.mark.skipif(jit.IS_PLAIN, reason="plain Python has no machine code")
+def test_machine_code_that_needs_a_secret_of_python_runs_in_a_new_process(tmp_path, monkeypatch):
+    # Modules of numba's tell LLVM of the secret, which kept code would be killed without.
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    program = tmp_path / "hashes.py"
+    program.write_text(HASHES)
+    run = f"import runpy; runpy.run_path({str(program)!r})"
+    assert [python(run), python(run)] == ["0 True\n", "1 True\n"]
 
 
 def test_files_that_nobody_used_for_long_are_removed(tmp_path):

@@ -470,6 +470,7 @@ def test_a_bad_choice_is_one_line(words, complaint, capsys):
     [
         (["-o", "out.gif"], "pictures are written as .png, .exr, .jpg"),
         (["-o", "out"], "pictures are written as"),
+        (["-o", "out.jpg", "--background", "none"], "JPEG has no transparency"),
         (["-o", "none/out.png"], "cannot be written: No such file or directory"),
         (["-o", "folder.png"], "is not a regular file"),
         (["-o", "out.png", "--stats", "none/s.json"], "cannot be written: No such file"),

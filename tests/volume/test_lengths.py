@@ -187,6 +187,14 @@ def test_channels_without_looks_are_chosen(here, capsys):
     assert "the first of several channels is shown (--channel)" in error
 
 
+def test_names_of_channels_without_colors_are_kept(here, capsys):
+    path = ome_tiff(here, CHANNELS, "ZCYX", Channel={"Name": ["DAPI", "GFP"]})
+    assert [look.label for look in open_recording(path).looks] == ["DAPI", "GFP"]
+    assert "choose one by channel, 0 to 1" in refused(app, capsys, "render", path, "-o", "a.png")
+    assert ended(app, "info", path) == 0
+    assert "DAPI" in capsys.readouterr().out
+
+
 # What is assumed
 
 

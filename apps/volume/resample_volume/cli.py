@@ -195,7 +195,8 @@ def animate(
         recording = None
         if source.time is None and not added.channels:
             recording = over_time(source, volume)
-            if recording is not None and recording.looks and recording.values.shape[0] == 1:
+            colored = recording is not None and any(file.color for file in recording.looks)
+            if recording is not None and colored and recording.values.shape[0] == 1:
                 recording = None  # channels are shown together
         film = animation.film_of(script, recording, flight, paint, about, start_workers)
         crew = start_workers()

@@ -126,9 +126,9 @@ def render(
     showing.check(unmixed=warping.unmixed)
     reader = DepthReader.checked(eye.of_recording(color), meaning, labels=warping.unmixed)
     warping.built()
-    look = (
-        formats.WriteOptions(written.bits, is_light=False) if warping.unmixed else written.options()
-    )
+    look = written.options(output.suffix)
+    if warping.unmixed:
+        look = formats.WriteOptions(written.bits, is_light=False)
     further = [view_names(text) for text in view or []]
     footage = footage_of(color, depth, filming.fps, labels=warping.unmixed)
     if footage is not None:

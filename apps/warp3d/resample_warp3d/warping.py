@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample import registry
 from resample.calling import takes
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.pixels import Equirectangular, check_panorama, rays_at, turn
-from resample.cameras.pixels import pixel_centers
+from resample.cameras.pixels import Equirectangular, check_panorama, pixel_centers, rays_at, turn
 from resample.colors import from_srgb
 from resample.files.conversion import as_picture, picture_and_encoding
 from resample.messages import check_threads, number, pair_of, shape_of, shortly

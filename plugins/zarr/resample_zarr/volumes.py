@@ -598,9 +598,7 @@ def _array(node: zarr.Array[Any] | zarr.Group, level: Level, name: str) -> zarr.
 
 
 def _looks(layout: Layout) -> tuple[ChannelLook, ...]:
-    """Return the looks of channels, if some have a color."""
-    if not any(one.color for one in layout.looks):
-        return ()
+    """Return the looks of channels; their colors are empty where the file says none."""
     found = []
     for one in layout.looks:
         window = None if one.window is None else (one.window.start, one.window.end)

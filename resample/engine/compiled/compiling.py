@@ -3,6 +3,7 @@
 Imported by `resample.engine.jit` when a kernel has to be compiled, or was compiled before.
 """
 
+import ctypes
 import hashlib
 import importlib.util
 import io
@@ -29,6 +30,7 @@ from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.intrinsics import INTR_MATH
 from numba.core.registry import cpu_target
 from numba.core.runtime import _nrt_python
 from numba.core.serialize import dumps
@@ -226,6 +228,14 @@ class KernelCache(NullCache):  # type: ignore[misc]
         path = self.path(signature)
         if path is None or made.library.has_dynamic_globals or made.lifted:
             return
+        module = made.library._final_module
+        named = (*module.functions, *module.global_variables)
+        needed = {of.name for of in named if of.is_declaration}
+        of_numba = {name for name in needed if name.startswith(("llvm.", "NRT_", "numba_"))}
+        if not all(hasattr(ctypes.pythonapi, name) for name in needed - of_numba - INTR_MATH):
+            # Modules of numba's functions tell LLVM of the rest, such as the secret in hashes of
+            # texts. Code that uses it would kill a process that has not imported these modules.
+            made.reload_init.append(_get_ready)
         key = "".join(map(key_of, made.signature.args))
         seconds = time.thread_time() - self._began
         parts = self._made_from(made.signature.args)[1]

@@ -175,8 +175,9 @@ def warp_all(
             raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")
         output = target
     warping.check()
-    # Pictures of the same size share a target; its files are read once.
-    job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(outputs.roi))
+    # Pictures of the same size share a target, whose files are read once.
+    look = written.options(output.suffix)
+    job = Job(lru_cache(maxsize=1)(aim), warping, look, region(outputs.roi))
     coverage, stats = outputs.coverage, outputs.stats
     if coverage is not None:
         check_output(coverage, WriteOptions(is_light=False))

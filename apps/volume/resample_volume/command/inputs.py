@@ -374,7 +374,7 @@ def _channels(
     count = recording.values.shape[1]
     words: list[tuple[str, str | None]] = []
     if text is None:  # as the file says
-        if len(recording.looks) != count:
+        if len(recording.looks) != count or not any(file.color for file in recording.looks):
             recordings.volume_at(recording, None, None)  # says that one has to be chosen
         for file in recording.looks:
             ends = file.window and f"{file.window[0]:.17g}..{file.window[1]:.17g}"

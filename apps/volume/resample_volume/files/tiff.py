@@ -148,8 +148,6 @@ def _of_ome(text: str, count: int, parts: int, name: str) -> StackFacts:
         shown = f"#{(int(color) >> 8) & 0xFFFFFF:06x}" if is_number else ""
         looks = (*looks, ChannelLook(channel.get("Name", ""), shown))
     facts = StackFacts(size["T"], size["C"], size["Z"], order, spacing, length=length, looks=looks)
-    if not any(look.color for look in looks):
-        facts = facts._replace(looks=())
     if length != VOXEL and pixels.get("PhysicalSizeZ") is None:
         facts = facts._replace(note=FLAT)
     return facts._replace(pages=_pages(pixels, size, order, count, name))

@@ -69,9 +69,10 @@ def _write(path: Path, volume: Any) -> None:
 
 def suits(names: Sequence[str]) -> bool:
     """Return whether these name one volume: a file, a folder or a generated one."""
+    from resample import registry
     from resample.files.stores import is_address
     from resample_volume.files.generated import GENERATED
-    from resample_volume.files.source import find_reader
+    from resample_volume.files.source import OWN, find_reader
 
     if len(names) != 1 or is_address(names[0]):
         return len(names) == 1
@@ -80,4 +81,5 @@ def suits(names: Sequence[str]) -> bool:
     with suppress(ValueError, OSError):
         find_reader(Path(names[0]))
         return True
-    return False
+    read = (reader for reader, ends in OWN.items() if names[0].lower().endswith(ends))
+    return any(registry.missing("readers", reader) for reader in read)  # which the page says

@@ -206,7 +206,8 @@ class StereoJob:
         self, names: tuple[str, str | None], output: Path, stereo: StereoRendering,
         reader: DepthReader | None,
     ) -> None:  # fmt: skip
-        look, extras, suffix = self.written.options(), self.extras, output.suffix.lower()
+        extras, suffix = self.extras, output.suffix.lower()
+        look = self.written.options(suffix)
         check_extras(extras)
         if suffix not in PAIRS:
             check_output(output, look)
