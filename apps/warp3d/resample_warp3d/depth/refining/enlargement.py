@@ -27,6 +27,7 @@ LINES = 256  # lines in which periods are looked for
 WINDOW = 384  # px in which periods are tried
 FITTED = 6  # lines with most bends, to which the interpolation is fitted
 ROUNDS = 6  # of such a fit
+SETTLED = 0.99  # of the squared error: a round that leaves more ends the fit
 MOST_EVEN = 4.0  # of the mean around: more counts as this
 PEAKS = 8  # periods that are tried, per kind of difference
 FEWEST_BLOCKS = 8  # with steps at their borders
@@ -385,7 +386,7 @@ def _refined(rows: Doubles, axis: Axis, rounds: int, *, is_cubic: bool) -> tuple
         slope = np.stack([(error(place + small * way) - left) / small for way in np.eye(2)], axis=1)
         moved = place - np.clip(np.linalg.lstsq(slope, left)[0], -0.3, 0.3)
         again = error(moved)
-        if not again @ again < left @ left:
+        if not again @ again < SETTLED * (left @ left):
             break
         place, left = moved, again
     return Axis(place[1] / half, place[0] - place[1]), float(np.sqrt(np.mean(left**2)))

@@ -77,11 +77,10 @@ class Ballot(NamedTuple):
 
 
 def unblocked(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[Floats, Floats]:
-    """Interpolate a map of blocks, and move its edges to color edges; also return the votes."""
-    axes = small.rows, small.columns
-    start = enlarged(small.values, (nearness.shape[0], nearness.shape[1]), axes)
-    off = int(small.side / 2.0)
-    return hardened(task, start) if off * 4 <= REACH else grown(task, start, off, None)
+    """Interpolate a map of blocks, and move its edges to those of color; also return the votes."""
+    shape = nearness.shape[0], nearness.shape[1]
+    start = enlarged(small.values, shape, (small.rows, small.columns))
+    return grown(task, start, int(small.side / 2.0), None)
 
 
 def grown(
@@ -89,11 +88,14 @@ def grown(
 ) -> tuple[Floats, Floats]:
     """Move edges that are off by up to `off` px to color edges; also return the votes.
 
-    Votes come from four times as far, and then from twice as far. `mixed`: as `hardened` takes it.
+    Votes come from four times as far, and then, if that is beyond the usual, from twice as far.
+    `mixed`: as `hardened` takes it; surfaces beside them may be round.
     """
-    snap = RECIPES["snap"]._replace(bent=0.0 if mixed is None else 0.03)
+    snap = RECIPES["snap"]._replace(bent=0.0 if mixed is None else RECIPES["sharpen"].bent)
     first = snap._replace(around=max(snap.around, off - INSIDE))
     found, agreed = hardened(task._replace(recipe=first), nearness, max(REACH, 4 * off), mixed)
+    if 4 * off <= REACH:
+        return found, agreed
     found, again = hardened(task._replace(recipe=snap), found, max(REACH, 2 * off))
     return found, np.minimum(agreed, again)
 
