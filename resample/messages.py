@@ -276,11 +276,9 @@ def pair_of(name: str, given: Any, wanted: str) -> tuple[int, int]:
 
 def check_call(camera: Any, height: Any, width: Any, threads: Any) -> None:
     """Check a camera, the size of a picture and the number of threads."""
-    import numpy as np
-
     check_size(*pair_of("height and width", (height, width), "both"))
     check_threads(threads)
-    if isinstance(camera, np.ndarray) or not callable(getattr(camera, "view", None)):
+    if hasattr(camera, "dtype") or not callable(getattr(camera, "view", None)):
         raise TypeError(
             f"a camera of {type(camera).__name__}; give a Camera or another with a view, such as "
             "Camera.from_fov(60, height, width)"

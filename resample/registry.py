@@ -307,21 +307,9 @@ MEMBER = {"orders": "summing", "projections": "check"}
 
 
 def plugin_of(group: str, given: Any, name: str = "") -> Any:
-    """Return a plugin's object, given as such or by its name with parameters.
+    """Return a plugin's object, given as such or as `build` takes it; else raise its errors.
 
-    Parameters
-    ----------
-    group
-        One of `registry.GROUPS`.
-    given
-        An object, or what `registry.build` takes.
-    name
-        Of the argument, for the error; "": the group's.
-
-    Raises
-    ------
-    LookupError, ValueError
-        As in `registry.build`; or the object is none of the group.
+    `name`: of the argument, for the error; "": the group's.
     """
     if isinstance(given, str):
         return build(group, given)
@@ -384,13 +372,7 @@ class OneOf(_Held[T], Generic[T, N]):
 
 
 def member_of(kind: type[E], given: Any, name: str) -> E:
-    """Return a member of an enumeration, given as such or as its text.
-
-    Raises
-    ------
-    ValueError
-        There is none.
-    """
+    """Return a member of an enumeration, given as such or as its text."""
     if not isinstance(given, str) or given not in list(kind):
         raise ValueError(f"{name} {shortly(given)}; known: {', '.join(kind)}")
     return kind(given)

@@ -53,8 +53,7 @@ def memoized(of: Callable[[Any], Any]) -> Callable[[Callable[Given, R]], Callabl
             kept = memo_of(values)
             key = (find, id(values), *others, *sorted(kwargs.items()))
             if key in kept and kept[key][0]() is values:  # not others that had the same id
-                known: R = kept[key][1]
-                return known
+                return kept[key][1]  # type: ignore[no-any-return]
             result = find(*args, **kwargs)
             with suppress(TypeError):  # lists have no weak references
                 kept[key] = ref(values), result

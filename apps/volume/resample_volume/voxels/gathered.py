@@ -112,8 +112,7 @@ def gathered(
     # Surfaces of samples with colors lie where the color changes, not where the field does.
     is_cut = two.size == 2 and volume.colors is None and thin.parts == 1 and sharpness == 1
     cut = tuple(two.tolist()) if is_cut else ()
-    of_values = _on_lattice(volume.values, sharpness, thin, cut, is_within=is_within)
-    spline, bounds, known = of_values
+    spline, bounds, known = _on_lattice(volume.values, sharpness, thin, cut, is_within=is_within)
     levels, is_whole = types.UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
     if resampler.projection in EXTREMES and is_whole and not is_plain:
         levels = _levels(volume.values, resampler.projection is Projection.MINIMUM)
