@@ -71,6 +71,7 @@ def test_a_part_that_another_package_of_this_project_has_names_it(installed):
         "command 'volume.figures' is in hybrid-resample-figures, which is not installed: "
         "pip install hybrid-resample-figures"
     )
+    assert registry.missing("primitives", "ewa").startswith("method 'ewa' is in hybrid-resample-c")
 
 
 def test_parts_of_the_packages_of_this_project_are_those_that_they_register():
