@@ -38,7 +38,7 @@ WORD = ir.IntType(64)
 UNKNOWN = "arrays of a kernel do not fit each other; RESAMPLE_KERNELS=off tells their shapes"
 # Kernels that take 4 to 10 % longer without AVX-512 are included twice.
 WIDE = (
-    "resample.engine.mixtures.deferred.paint_runs",
+    "resample.engine.shaped.painting.paint_shapes",
     "resample.engine.rays.painting.paint_rays",
 )
 

@@ -129,13 +129,11 @@ def gathered(
         steep = _max_gradient_of(volume, visible_of, gradient, count)
     shape = (64 if transfer.needs_gradient else 1, columns)
     table_of = partial(tabulated, transfer, data_range, steep, unit, shape)
-    tables = [table_of()]
-    if labels is not None:
-        tables += [table_of(rule.applied) for rule in labels.rules.values()]
+    rules = () if labels is None else labels.rules.values()
+    tables = [table_of(), *(table_of(rule.applied) for rule in rules)]
     table = np.concatenate([one.table for one in tables], axis=1)
     looks, beside = tables[0]._replace(table=table), len(tables)
-    if labels is not None:
-        known = numbered(known, labels.numbers, volume.values)
+    known = known if labels is None else numbered(known, labels.numbers, volume.values)
     tint = types.UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
     if two.size == 2 and volume.colors is not None and labels is None:
         looks, beside, values = _of_either(looks, two), 2, volume.values
