@@ -10,7 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.samples.finding import SampleFiles
+from resample.samples import SampleFiles
 
 
 @runtime_checkable
