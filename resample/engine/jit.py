@@ -263,8 +263,6 @@ def threads(count: int | None) -> Iterator[None]:
         _limit.reset(token)
 
 
-# Roles are functions that loops of the engine call. The body is chosen while a kernel is compiled,
-# by the class of the first argument: a bundle that the application made, or None.
 Body = Callable[..., Any]
 
 

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from resample import registry
 from resample.reading.limits import NotOwnError, neighbour, own_bytes, tell_unused
 from resample.reading.texts import json_of
+from resample.samples import DefaultOptions
 
 PREFIX = "sample:"
 VIEW = "--view"  # option for pictures with depth and pose
@@ -23,21 +24,6 @@ FOLDER_VARIABLE = "HYBRID_RESAMPLE_DATA"  # also used for downloaded volumes
 CONTENTS = "contents.json"  # list of files in the folder of a sample
 OWN_FOLDER = "FOLDER/"  # stands for the folder of a sample in the options that it adds
 PICTURES = ("--texture", "--truth", "--reference", "-R")  # options that take one file
-
-
-class DefaultOptions(NamedTuple):
-    """Default options that a sample adds to a command."""
-
-    commands: Sequence[str]  # commands that have these options
-    words: Sequence[str]  # `FOLDER/` stands for the folder of the files
-    unless: Sequence[str]  # prefixes of options that replace these
-
-
-class SampleFiles(NamedTuple):
-    """Files and options that replace a sample on a command line."""
-
-    files: Sequence[str]  # names in the folder; the first represents all
-    options: Sequence[DefaultOptions] = ()
 
 
 class CachedSample(NamedTuple):

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.samples.finding import DefaultOptions, SampleFiles
+from resample.samples import DefaultOptions, SampleFiles
 from resample.types import Doubles
 
 Levels = NDArray[np.uint8]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.samples.finding import DefaultOptions, SampleFiles
+from resample.samples import DefaultOptions, SampleFiles
 from resample.samples.pictures import grain, rough
 from resample.types import Doubles, Floats
 

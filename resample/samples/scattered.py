@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from resample.samples.finding import SampleFiles
+from resample.samples import SampleFiles
 from resample.samples.shapes import knot_points
 from resample.samples.writing import write_ply
 from resample.types import Doubles

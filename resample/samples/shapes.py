@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.samples.finding import SampleFiles
+from resample.samples import SampleFiles
 from resample.samples.pictures import mixed
 from resample.types import Doubles
 

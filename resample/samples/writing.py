@@ -10,6 +10,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.samples import SampleFiles
+
+
+@runtime_checkable
+class Storable(Protocol):
+    """Interface of a sample that can write itself; plugins may implement it."""
+
+    def stored(self, folder: Path, name: str) -> SampleFiles:
+        """Write the sample to files in an existing folder."""
+
+
+def store(sample: Any, folder: Path, name: str) -> SampleFiles:
+    """Write a sample.
+
+    `sample`: a picture (H, W) or (H, W, 3 or 4) of bytes, a volume, or a `Storable`.
+    """
+    if isinstance(sample, Storable):
+        return sample.stored(folder, name)
+    if isinstance(sample, np.ndarray):
+        write_png(folder / f"{name}.png", sample)
+        return SampleFiles([f"{name}.png"])
+    if hasattr(sample, "values") and hasattr(sample, "spacing"):
+        write_nrrd(folder / f"{name}.nrrd", sample)
+        return SampleFiles([f"{name}.nrrd"])
+    raise TypeError(f"sample {name} is of {type(sample).__name__}, which has no method `stored`")
+
 
 def write_png(path: Path, levels: NDArray[Any]) -> None:
     """Write levels as they are, (H, W) or (H, W, 3 or 4)."""

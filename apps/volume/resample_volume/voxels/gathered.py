@@ -109,7 +109,6 @@ def gathered(
     samples = of_samples(volume, thin)
     is_within = thin.parts > 1 and resampler.projection in EXTREMES
     sharpness = getattr(resampler.order, "sharpness", 1.0)
-    # Surfaces of samples with colors lie where the color changes, not where the field does.
     is_cut = two.size == 2 and volume.colors is None and thin.parts == 1 and sharpness == 1
     cut = tuple(two.tolist()) if is_cut else ()
     spline, bounds, known = _on_lattice(volume.values, sharpness, thin, cut, is_within=is_within)
@@ -146,10 +145,9 @@ def gathered(
         ends = looks.low, looks.high
         cells = visible_cells(spline, bounds, thickest(looks.table, beside), ends)
         apart = bricks_to_next(cells > 0)
-    place = lattice_of(samples), np.asarray(samples.origin, np.float64)
     return Gathered(
-        *(spline, bounds, known, *place, looks, steepest, count, beside, tint), thin=thin,
-        cells=cells, apart=apart, levels=levels,
+        *(spline, bounds, known, lattice_of(samples), np.asarray(samples.origin, np.float64)),
+        *(looks, steepest, count, beside, tint), thin=thin, cells=cells, apart=apart, levels=levels,
     )  # fmt: skip
 
 
@@ -273,7 +271,7 @@ def _on_lattice(
 ) -> tuple[types.SplineField, types.Bounds, Flags]:  # fmt: skip
     """Return the field of values, its bounds, and which are known, if not all.
 
-    `cut`: the only two values, where the field is cut between them.
+    `cut`: the only two values, if the field is cut between them, as it is unless it has colors.
     """
     filled, known = _without_gaps(values)
     if thin.parts == 1 and not cut:
