@@ -548,7 +548,7 @@ def test_a_cut_off_npy_is_refused(values, tmp_path):
 
 def test_pickled_npy_is_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.array([{}], object), allow_pickle=True)
-    refused(Npy(), tmp_path / "a.npy", "no array of numbers")
+    refused(Npy(), tmp_path / "a.npy", "not an array of numbers")
 
 
 # What is refused: data that are no scalar volume

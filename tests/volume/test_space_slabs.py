@@ -130,7 +130,7 @@ def test_the_command_writes_a_deep_picture_of_its_flat_one(tmp_path):
     [
         (["-o", "a.png", "--deep", "4"], "a.png: deep pictures are written as .exr"),
         (["-o", "a.exr", "--deep", "0"], "greater than or equal to 1"),
-        (["-o", "a.exr", "--deep", "4", "--projection", "maximum"], "what is composited"),
+        (["-o", "a.exr", "--deep", "4", "--projection", "maximum"], "composited samples"),
         (["-o", "a.exr", "--deep", "4", "--box"], "deep pictures hold only slabs"),
         (["-o", "a.gif"], "pictures are written as .png, .exr, .jpg"),
         (["-o", "a.jpg", "--bits", "16"], ".jpg has 8 bits per channel, not 16"),
@@ -146,7 +146,7 @@ def test_what_cannot_be_written_is_one_line(words, said, tmp_path, monkeypatch, 
 def test_slabs_are_of_a_sane_number():
     with pytest.raises(ValueError, match="give 1 to 1024"):
         check_slabs(2000, Resampler())
-    with pytest.raises(ValueError, match="what is composited"):
+    with pytest.raises(ValueError, match="composited samples"):
         check_slabs(4, Resampler(order=Rays(), projection=Projection.MAXIMUM))
 
 

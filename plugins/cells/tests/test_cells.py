@@ -236,7 +236,7 @@ def test_a_cube_of_one_voxel_has_its_corners(tmp_path):
         ("0 0 0 1", "nan 0 0 1", "points are not numbers"),
         ("1 1 1\nCELLS", "1 1 1e30\nCELLS", "no volume"),
         (" 0 0 1 1 0 1 0 1 1 1 1 1", " 0 0 0 1 0 0 0 1 0 1 1 0", "fills 1 x 1 x 0, no volume"),
-        ("CELLS 1 9", "FISHES 1 9", "'FISHES' is not part"),
+        ("CELLS 1 9", "FISHES 1 9", "'FISHES'"),
         ("POINT_DATA 8", "POINT_DATA 9", "values of 8 points"),
         ("6 7\n", "", "is damaged: invalid literal"),
     ],
@@ -260,7 +260,7 @@ def test_nonsense_in_a_legacy_structured_grid_is_refused_in_words(tmp_path):
         ("2 2 2", "2 2 3", "not as many as its DIMENSIONS"),
         ("2 2 2", "2 4 1", "a single slice"),
         ("2 2 2", "2 2", "too few words"),
-        ("DIMENSIONS", "SIZES", "no word of a structured grid"),
+        ("DIMENSIONS", "SIZES", "not part of a structured grid"),
         ("a", "a", "there is none"),
     ):
         (tmp_path / "a.vtk").write_text(text.replace(old, new))
