@@ -117,34 +117,18 @@ def kept(spec: str) -> CachedSample:
 
 def _make(target: Path, spec: str, name: str) -> None:
     """Write a sample and its list of files to a folder, which appears complete."""
+    from resample.samples.writing import store
+
     target.parent.mkdir(parents=True, exist_ok=True)
     made = Path(tempfile.mkdtemp(prefix=".sample-", dir=target.parent))
     try:
         contents = made / CONTENTS
-        contents.write_text(json.dumps(_stored(sample(spec), made, name)), "utf-8")
+        contents.write_text(json.dumps(store(sample(spec), made, name)), "utf-8")
         contents.chmod(0o600)
         with contextlib.suppress(OSError):  # another process was faster
             made.rename(target)
     finally:
         shutil.rmtree(made, ignore_errors=True)
-
-
-def _stored(made: Any, folder: Path, name: str) -> SampleFiles:
-    """Write a sample: a picture of bytes, a volume, or any that has a method `stored`."""
-    import numpy as np
-
-    from resample.samples.writing import write_nrrd, write_png
-
-    if hasattr(made, "stored"):
-        files: SampleFiles = made.stored(folder, name)
-        return files
-    if isinstance(made, np.ndarray):
-        write_png(folder / f"{name}.png", made)
-        return SampleFiles([f"{name}.png"])
-    if hasattr(made, "values") and hasattr(made, "spacing"):
-        write_nrrd(folder / f"{name}.nrrd", made)
-        return SampleFiles([f"{name}.nrrd"])
-    raise TypeError(f"sample {name} is of {type(made).__name__}, which has no method `stored`")
 
 
 def _read(target: Path) -> CachedSample:
@@ -211,7 +195,7 @@ def _view(text: str) -> str:
 
 
 def _bases() -> Iterator[str]:
-    """Folders of samples, the best first: the data folder, the user's cache, a temporary one."""
+    """Folders of samples, the best first: that of the data, the user's cache, a temporary one."""
     from platformdirs import user_cache_dir
 
     places = (os.environ.get(FOLDER_VARIABLE), user_cache_dir("hybrid-resample"))
