@@ -28,7 +28,7 @@ PICTURES = {
     "enlarge": "resample-texture resize photo.png --size 32",
     "shrink": "resample-texture resize photo.png --size 10",
     "depth": "resample-warp3d render photo.png depth.npy --fov 60 --move 0.1,0,0 --size 16",
-    "stereo": "resample-warp3d stereo photo.png depth.npy --fov 60 --baseline 0.1",
+    "stereo": "resample-warp3d stereo photo.png depth.npy --fov 60 --eye-distance 0.1",
     "cloud": "resample-points render cloud.ply --size 16",
     "gaussians": "resample-points render gaussians.ply --size 16",
     "rays": "resample-volume render ball.npy --size 16",

@@ -12,8 +12,8 @@ import numpy as np
 from resample.command.flags import Shape
 from resample.command.session import Session
 from resample.console import Progress, say
-from resample.files.films import FORMATS, PLAIN, UNMARKED, FilmCoding, StereoMarks
-from resample.files.formats import WriteOptions, check_output
+from resample.files.films import PLAIN, UNMARKED, FilmCoding, StereoMarks
+from resample.files.formats import FORMATS, WriteOptions, check_output
 from resample.files.pictures import Picture
 from resample.files.saving import write_picture
 from resample.files.sequences import check_frames, write_frames, write_in_parts
