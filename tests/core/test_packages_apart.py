@@ -47,7 +47,7 @@ MISSING = [
     ("resample-volume render checker-box --method ewa -o a.png", "primitive 'ewa'", "comparisons"),
     ("resample-volume render checker-box --order axis-sheets -o a.png", "order", "comparisons"),
     ("resample-warp3d compare sample:room", "command 'warp3d.compare'", "comparisons"),
-    ("resample-warp3d render sample:room --method mcmillan -o a.png", "warp", "comparisons"),
+    ("resample-warp3d render sample:room --method mcmillan -o a.png", "method", "comparisons"),
     ("resample-texture mesh sample:knot -o a.png", "command 'texture.mesh'", "meshes"),
     ("resample-texture view sample:knot", "page 'texture.mesh'", "meshes"),
     ("resample-points density sample:halo -o a.png", "command 'points.density'", "particles"),

@@ -103,9 +103,9 @@ def test_opacity_and_sums_say_themselves_where_nothing_is():
     ("choices", "message"),
     [
         ({"fill": "blue"}, "fill is a number, 'black', 'white' or 'premultiplied', not 'blue'"),
-        ({"fill": 300}, "fill 300 is no uint8; give a value of that type"),
-        ({"nodata": -1}, "nodata -1 is no uint8; give a value of that type"),
-        ({"nodata": 0.5}, "nodata 0.5 is no uint8; give a value of that type"),
+        ({"fill": 300}, "fill 300 does not fit uint8; give a value of that type"),
+        ({"nodata": -1}, "nodata -1 does not fit uint8; give a value of that type"),
+        ({"nodata": 0.5}, "nodata 0.5 does not fit uint8; give a value of that type"),
     ],
 )
 def test_values_that_a_type_does_not_hold_are_refused(choices, message):

@@ -270,7 +270,7 @@ def test_nonsense_in_a_legacy_structured_grid_is_refused_in_words(tmp_path):
 def test_a_lattice_has_no_steps_to_choose(tmp_path):
     text = f"{HEAD}STRUCTURED_POINTS\nDIMENSIONS 2 2 2\nPOINT_DATA 8\nSCALARS v float\n"
     (tmp_path / "a.vtk").write_text(f"{text}LOOKUP_TABLE default\n0 1 2 3 4 5 6 7\n")
-    refused(Vtk(spacing="1"), tmp_path / "a.vtk", "no grid of cells.*leave it out, or give --spac")
+    refused(Vtk(spacing="1"), tmp_path / "a.vtk", "not a grid of cells.*leave it out, or give --s")
 
 
 def test_steps_that_memory_does_not_hold_are_refused(tmp_path):

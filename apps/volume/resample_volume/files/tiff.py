@@ -147,6 +147,7 @@ def _of_ome(text: str, count: int, parts: int, name: str) -> StackFacts:
         is_number = re.fullmatch(r"-?\d{1,10}", color) is not None
         shown = f"#{(int(color) >> 8) & 0xFFFFFF:06x}" if is_number else ""
         looks = (*looks, ChannelLook(channel.get("Name", ""), shown))
+    looks = looks if any(look.label or look.color for look in looks) else ()
     facts = StackFacts(size["T"], size["C"], size["Z"], order, spacing, length=length, looks=looks)
     if length != VOXEL and pixels.get("PhysicalSizeZ") is None:
         facts = facts._replace(note=FLAT)

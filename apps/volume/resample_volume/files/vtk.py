@@ -472,9 +472,9 @@ class Vtk(OneOfAll):
                 return read
             if spacing:
                 raise ValueError(
-                    f"{found.name} is not a grid of cells, which spacing of the reader "
-                    f"{wanted.reader} is for: leave it out, or give --spacing, which takes the "
-                    "place of the file's"
+                    f"{found.name} is not a grid of cells, and spacing of the reader "
+                    f"{wanted.reader} is for those: leave it out, or give --spacing instead of the "
+                    "file's"
                 )
             lattice = _lattice(found)
             points = lattice.points
