@@ -125,7 +125,7 @@ def depths() -> Iterator[str]:
         for depth in ("depth.npy", "depth.png --depth-scale 1000"):
             yield DEPTH.format(f"{picture} {depth} --fov 60 --move 0.1,0,0")
     yield DEPTH.format("rgb.png depth.npy --fov 60 --move 0.1,0,0 --filter gaussian:sigma=0.6")
-    yield "resample-warp3d stereo rgb.png depth.npy --fov 60 --baseline 0.1 -o out.png"
+    yield "resample-warp3d stereo rgb.png depth.npy --fov 60 --eye-distance 0.1 -o out.png"
     yield "resample-warp3d animate rgb.png depth.npy --fov 60 --frames 2 -o out.webp"
     yield "resample-warp3d demo --output demo"
 
