@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from resample.files.images import read_image
-from resample_warp3d import cli
+from resample_warp3d import cli, stereo
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
@@ -334,3 +334,11 @@ def test_the_page_of_headsets_is_made_of_commands_that_run():
         "photos-3d/below/b_LRF_Full_SBS.jpg", "photo.mpo", "frame_qs5x3.png",
     ):  # fmt: skip
         assert Path(name).stat().st_size > 100
+
+
+@pytest.mark.parametrize("choice", [{}, {"divergence": 2}])
+def test_depth_of_one_plane_is_the_screen(choice):
+    picture = np.tile(np.arange(64, dtype=np.uint8)[:, None] * 3, (48, 1, 3)).reshape(48, 64, 3)
+    both = stereo(picture, np.full((48, 64), 4.0), depth_kind="z", layout="side-by-side", **choice)
+    left, right = np.hsplit(both, 2)
+    np.testing.assert_array_equal(left, right)

@@ -32,6 +32,7 @@ from resample_warp3d.projection_models import CameraModel, StereoPanorama, stepp
 from resample_warp3d.types import Hole, Warped
 
 LARGEST = 4096  # px of an eye's picture around, unless its size is given
+FLAT = 1e-3  # of the nearness: depth that differs by less is that of one plane
 COMFORT = 0.015  # default parallax before and behind the screen, as a share of the width
 SEEN_WIDTH = math.radians(60.0)  # of a flat picture before a viewer, by which comfort is judged
 TIRING = math.radians(1.0)  # parallax that eyes fuse without strain
@@ -106,10 +107,11 @@ class Eyes(NamedTuple):
         zero = float(scaled(np.array(zero), (far, near), choice.foreground_scale))
         if choice.convergence is not None:
             zero = far + 0.01 * choice.convergence * (near - far)
+        least = FLAT * near
         if choice.divergence is not None:
-            gain = 0.01 * choice.divergence * width / max(near - far, 1e-12)
+            gain = 0.01 * choice.divergence * width / max(near - far, least)
         elif choice.eye_distance is None:
-            gain = COMFORT * width / max(near - zero, zero - far, 1e-12)
+            gain = COMFORT * width / max(near - zero, zero - far, least)
         else:
             gain = focal * choice.eye_distance
         found = Eyes(gain, zero, gain / focal, far, near)
