@@ -397,7 +397,7 @@ def _channels(
             volume = padding_removed(volume)
             if len(recording.looks) == count and (label := recording.looks[channel].label):
                 volume = volume._replace(name=f"{recording.name} ({label})")
-            changes = {"transfer": look_of(word), "window": window or look.window}
+            changes = {"transfer": channel_transfer(word), "window": window or look.window}
             own = look.model_copy(update={**changes, **(UNLABELLED if found else {})})
             found.append((volume, own.appearance(volume, resampler)))
     if not found:
@@ -405,13 +405,13 @@ def _channels(
     return found
 
 
-def looks_of(channels: str) -> list[str]:
+def channel_transfers(channels: str) -> list[str]:
     """Return the transfer functions of the channels that a text shows."""
     words = [word.strip() for word in BETWEEN.split(channels)]
-    return [look_of(word) for word in words if word != HIDDEN]
+    return [channel_transfer(word) for word in words if word != HIDDEN]
 
 
-def look_of(word: str) -> str:
+def channel_transfer(word: str) -> str:
     """Return the transfer function of a channel's look, which may be a color."""
     from matplotlib.colors import is_color_like
 

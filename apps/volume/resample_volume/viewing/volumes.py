@@ -41,7 +41,7 @@ from resample_volume.command.animation import (
     shots,
 )
 from resample_volume.command.choices import Added, AppearanceChoices, FilmExtras, ReadOptions
-from resample_volume.command.inputs import looks_of, media, of_first_channel, prepared
+from resample_volume.command.inputs import channel_transfers, media, of_first_channel, prepared
 from resample_volume.data.recordings import SeveralChannelsError, unit_of_space
 from resample_volume.data.values import as_array
 from resample_volume.rendering import Subject
@@ -386,7 +386,7 @@ def painter_of(
     (volume, transfer), *others = [(as_array(one), transfer_of(one, own)) for one, own in shown]
     in_channels = added.channels or len(others) > len(added.also)
     if added.channels and not added.also:
-        own, *rest = looks_of(added.channels)
+        own, *rest = channel_transfers(added.channels)
         beside = [(one, text) for (one, _), text in zip(others, rest, strict=True)]
         return VolumePainter(volume, own, beside), source
     return VolumePainter(volume, transfer if in_channels else None, others), source
